@@ -13,14 +13,11 @@ static Work no_work(void) {
     return work;
 }
 
-/* Adds to what each lane has counted. */
-#define COUNT_EACH(kind, counts)                                              \
-    do {                                                                      \
-        if (HAS(OUT_WORK)) work->count[HAS(OUT_WORK) ? kind : 0] += (counts); \
-    } while (0)
-
 /* Counts the lanes of a mask. */
-#define COUNT(kind, mask) COUNT_EACH(kind, (mask) ? (INT)1 : (INT)0)
+#define COUNT(kind, mask)                                                                     \
+    do {                                                                                      \
+        if (HAS(OUT_WORK)) work->count[HAS(OUT_WORK) ? kind : 0] += (mask) ? (INT)1 : (INT)0; \
+    } while (0)
 
 /* Whether the host wants nothing more. What long loops leave then is no picture: the host has it drawn again. */
 static int is_over(const Scene *scene) {
@@ -47,7 +44,7 @@ static LANES(uint) mark_of(const INT surface, const int what) {
     h = (h ^ (h >> 12)) * 0x297a2d39u;
     return h ^ (h >> 15);
 }
-#define MARK(where, mask, surface, what)                                                      \
-    do {                                                                                      \
-        if (HAS(WITH_MARKS)) work->where += (mask) ? mark_of(surface, what) : (LANES(uint))0; \
+#define MARK(where, mask, surface, what)                                                        \
+    do {                                                                                        \
+        if (HAS(WITH_SAMPLES)) work->where += (mask) ? mark_of(surface, what) : (LANES(uint))0; \
     } while (0)

@@ -21,7 +21,7 @@ typedef struct {
     Shade3 color;
     Float3 normal;          /* in the world, facing the ray; 0 where nothing was hit */
     INT rays;               /* shadow rays */
-    FLOAT error, coverage;  /* WITH_MEANS: of the mean colour, in levels of 255; the share that surfaces have */
+    FLOAT error, coverage;  /* WITH_SAMPLES: of the mean colour, in levels of 255; the share that surfaces have */
     FLOAT u, v;             /* OUT_UV: where it is on a texture, 0 where nothing was hit */
     MASK wanted, overgrown; /* WITH_CEILING: whether it is in the region; whether it takes more than MOST_RAYS rays */
 } Pixels;

@@ -3,9 +3,6 @@
 /* What is known of a packet before it is looked at. */
 typedef struct {
     Work work; /* what has been counted */
-#ifdef WITH_AVERAGE
-    Proofs proofs; /* what is proved of the work-item's pixels in one row of packets */
-#endif
 #ifdef WITH_SAMPLES
     PixelCorners corners;
 #endif
@@ -52,32 +49,11 @@ static Ray ray_of(const Frame frame, const Packet packet) {
     return for_shapes(frame, primary_ray(frame, packet.size, packet.column, packet.row));
 }
 
-/* prove_packets(): proves what it can of a row of packets, before any of them is drawn. first: the place of the row in
- * the region. seen_by(): what a packet shows, where its tile is not all background. pixels: as they are where nothing
- * is hit. */
-#ifdef WITH_AVERAGE
-static void prove_packets(const Frame frame, const Scene *scene, const int2 size, const int4 region, const int2 first,
-                          Known *known) {
-    const Row line = {size, region.xy + first, region.x + region.z, region.y + region.w};
-    prove_row(frame, scene, line, &known->proofs);
-}
-
-static Pixels seen_by(const Frame frame, const Scene *scene, const Packet packet, Pixels pixels, Known *known) {
-    if (HAS(WITH_CENTRES)) pixels = trace(frame, scene, ray_of(frame, packet), packet.tile, pixels, &known->work);
-    const int first = (packet.first.x - known->corners.begin) / PACKET_WIDTH * W;
-    const Means means = proofs_of(&known->proofs, first, &known->work);
-    Packet rest = packet;
-    rest.within = packet.within & need_samples(means);
-    if (ANY(rest.within)) sample_pixels(frame, scene, rest, &known->corners, &pixels, &known->work);
-    return proved_pixels(scene, means, pixels, &known->work);
-}
-#elif defined(WITH_SAMPLES)
-#define prove_packets(frame, scene, size, region, first, known)
+/* What a packet shows, where its tile is not all background. pixels: as they are where nothing is hit. */
+#ifdef WITH_SAMPLES
 static Pixels seen_by(const Frame frame, const Scene *scene, const Packet packet, Pixels pixels, Known *known) {
     if (HAS(WITH_CENTRES)) pixels = trace(frame, scene, ray_of(frame, packet), packet.tile, pixels, &known->work);
     sample_pixels(frame, scene, packet, &known->corners, &pixels, &known->work);
-    Work *work = &known->work;
-    COUNT(ESTIMATES, packet.within);
     return pixels;
 }
 #else
@@ -102,7 +78,7 @@ static void render_packet(const Frame frame, const Scene *scene, const int2 size
     if (tile_has_any(scene->lists, packet.tile)) {
         pixels = seen_by(frame, scene, packet, pixels, known);
     } else {
-        if (HAS(WITH_MEANS)) {
+        if (HAS(WITH_SAMPLES)) {
             pixels.color.x = pixels.color.x < 1 ? pixels.color.x : (SHADE)1;
             pixels.color.y = pixels.color.y < 1 ? pixels.color.y : (SHADE)1;
             pixels.color.z = pixels.color.z < 1 ? pixels.color.z : (SHADE)1;
@@ -139,15 +115,12 @@ __kernel void render(RENDER_PARAMETERS) {
     known.corners.region = region;
     known.corners.begin = region.x + begin.x;
     known.corners.row[0] = known.corners.row[1] = -1;
-    for (int y = begin.y; y < begin.y + ROWS * PACKET_HEIGHT && y < region.w; y += PACKET_HEIGHT) {
-        const int2 first = {begin.x, y};
-        prove_packets(frame, &scene, size, region, first, &known);
+    for (int y = begin.y; y < begin.y + ROWS * PACKET_HEIGHT && y < region.w; y += PACKET_HEIGHT)
         for (int x = begin.x; x < begin.x + RUN * PACKET_WIDTH && x < region.z; x += PACKET_WIDTH) {
             const int2 place = {x, y};
             known.work = no_work();
             render_packet(frame, &scene, size, region, place, out, &known);
         }
-    }
 }
 #else
 APART

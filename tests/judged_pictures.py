@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -41,8 +40,8 @@ def single_agrees(scene: Scene, device: Device) -> None:
     assert (np.abs(exact.color - rough.color).max(axis=2)[same] < 1e-3).mean() > 0.995
 
 
-def is_the_mean_of_finer_pixels(scene: Scene, device: Device, antialias: Any) -> None:
-    image = cltrace.render(scene, device, "accurate", ("rgb8",), antialias=antialias)
+def is_the_mean_of_finer_pixels(scene: Scene, device: Device) -> None:
+    image = cltrace.render(scene, device, "accurate", ("rgb8",), antialias=True)
     finer = scene.seen_by(replace(scene.camera, resolution=(48 * 16, 36 * 16)))
     fine = cltrace.render(finer, device, "accurate", ("color",))
     mean = np.clip(fine.color, 0, 1).reshape(36, 16, 48, 16, 3).mean(axis=(1, 3)) * 255

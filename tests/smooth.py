@@ -1,6 +1,6 @@
 """What smooth pictures cost and are off by: the table of docs/speed.md.
 
-.venv/bin/python tests/smooth.py [proved] [N] [SCENE ...] prints it, of all scenes where none are named. N: how many
+.venv/bin/python tests/smooth.py [N] [SCENE ...] prints it, of all scenes where none are named. N: how many
 samples pixels have. A row is how many times as long as one ray a pixel the picture takes, in processor time, the median
 of rounds in turns; what colours are off by, root mean square, in levels of 255, in the 128x72 pixels with the most
 edges, against TRUTH x TRUTH rays a pixel; and the shares of colours off by more than 4 levels, and of pixels within
@@ -137,10 +137,10 @@ def main(*words: str) -> None:
     # The truth is a part of a picture that is larger than one may ask for.
     vars(cltrace.scene.camera).update(MAX_SIDE=1 << 20, MAX_PIXELS=1 << 40)
     cltrace.run.executor.MAX_SECONDS = 1 << 20
-    how: dict[str, Any] = {"antialias": "proved" if "proved" in words else True}
+    how: dict[str, Any] = {"antialias": True}
     for word in filter(str.isdigit, words):
         how["samples"] = int(word)
-    names = [word for word in words if word != "proved" and not word.isdigit()]
+    names = [word for word in words if not word.isdigit()]
     print("| | times as long | error | off by more than 4 levels | within `error` |\n|---|---|---|---|---|")
     for name in names or [*sorted(path.stem for path in SCENES.glob("*.xml")), *LARGE]:
         print(row(name, how), flush=True)

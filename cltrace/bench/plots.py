@@ -35,7 +35,7 @@ LOOKS = {
     "VTK (no shadows)": ("#a0785a", "*", "VTK (no shadows)"),
 }
 # A variant has a hollow mark, but for curves of samples, which everybody has.
-VARIANTS = {"no lists": "s", "no skipping": "^", "proved": "^"}
+VARIANTS = {"no lists": "s", "no skipping": "^"}
 FILLED = ("", "samples")
 # What the whole time of those is whose growth with the scene is of interest.
 WHOLE = {"accurate": "with packing and making lists", "Embree": "with building its tree"}
@@ -226,7 +226,7 @@ def antialiasing(points: Sequence[Point], page: Page) -> Figure | None:
         panels.setdefault((point.group, point.scene), []).append(point)
     if not panels:
         return None
-    foot = "Beside the ends of each curve: rays across a pixel, levels of a proof, or members of a light."
+    foot = "Beside the ends of each curve: rays across a pixel, or members of a light."
     figure, axes = _panels(page, len(panels), "Antialiasing and soft light: time against error", foot)
     zero = _scale(axes[: len(panels)], [p.rms or 0 for some in panels.values() for p in some], lambda y: f"{y:g}")
     marks = Marks()

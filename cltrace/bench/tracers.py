@@ -9,7 +9,6 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,8 +41,6 @@ JUDGED: tuple[Output, ...] = ("rgb8", "color", "normal", "depth", "id")
 ACROSS = (1, 2, 4, 8, 16)
 # The same of peers whose curves take long.
 FEW_ACROSS = (1, 4, 16)
-# Levels of 255 to within which a mean is proved.
-PROVED = (8.0, 2.0, 1.0)
 # Directions of the sky, and points of the panel, of the curve of soft light.
 MEMBERS = (4, 16, 64, 256)
 # By so much of the distance to the middle of all spheres the eye, or each sphere, moves from frame to frame.
@@ -151,17 +148,16 @@ class Product(Tracer):
 
 
 class Smooth(Product):
-    """cltrace's antialiasing: of level x level rays, or proved to so many levels."""
+    """cltrace's antialiasing: of level x level rays."""
 
     task: Task = "samples"
 
-    def __init__(self, device: Device, precision: Precision, level: float, proved: bool) -> None:
-        super().__init__(device, precision, (), "proved" if proved else "samples")
-        self.level, self.grows = level, False
-        self._how: dict[str, Any] = {"antialias": level} if proved else {"samples": int(level) ** 2}
+    def __init__(self, device: Device, precision: Precision, level: int) -> None:
+        super().__init__(device, precision, (), "samples")
+        self.level, self.grows, self._samples = level, False, level**2
 
     def renderer(self, scene: Scene, *outputs: Output) -> Renderer:
-        return Renderer(scene, self.on, self.precision, outputs or ("rgb8",), **({"antialias": True} | self._how))
+        return Renderer(scene, self.on, self.precision, outputs or ("rgb8",), antialias=True, samples=self._samples)
 
 
 class Members(Product):
@@ -256,8 +252,7 @@ def configurations(device: Device, precisions: Sequence[Precision], quick: bool)
     if quick:
         return [*out, Baseline(device)]
     out.append(Product(device, best, SKIPS, "no skipping"))
-    out += [Smooth(device, best, level, proved=False) for level in ACROSS]
-    out += [Smooth(device, best, level, proved=True) for level in PROVED]
+    out += [Smooth(device, best, level) for level in ACROSS]
     out += [Members(device, best, members) for members in MEMBERS]
     out += [Moving(device, best, "cameras"), Moving(device, best, "positions")]
     return [*out, Baseline(device)]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from argparse import ArgumentTypeError
-from typing import Literal
 
 from cltrace.base import limits
 from cltrace.base.limits import MAX_TRIANGLES
@@ -49,17 +48,6 @@ def levels(text: str) -> int:
     if not re.fullmatch(r"[0-9]{1,3}", text) or int(text) > 255:
         raise ArgumentTypeError(f"must be a whole number of levels within 0..255, got {text!r}")
     return int(text)
-
-
-def antialias(text: str) -> float | Literal["proved"]:
-    """LEVELS of --antialias, or proved."""
-    if text == "proved":
-        return "proved"
-    if text.endswith(".xml"):
-        raise ArgumentTypeError(f"put the scene first, or say --antialias=proved; {text!r} is not a number")
-    if not re.fullmatch(r"[0-9]{0,9}(\.[0-9]{0,9})?", text) or text in ("", ".") or not 0 < float(text) <= 255:
-        raise ArgumentTypeError(f"must be proved, or levels of 255, above 0, such as 0.5, got {text!r}")
-    return float(text)
 
 
 def outline(text: str) -> tuple[str, float]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from cltrace.base.errors import UsageError
 from cltrace.picture.image import DIRECTED, LIT, Image, Output, Show
 from cltrace.plan.abi import Precision
-from cltrace.plan.request import Antialias, Crop
+from cltrace.plan.request import Crop
 from cltrace.scene import AnyCamera
 
 Kind = TypeVar("Kind")
@@ -96,7 +96,7 @@ class Drawing:
     precision: Precision | None
     crop: Crop | None
     truncate: bool
-    antialias: Antialias
+    antialias: bool
     samples: int | None
     outline: tuple[str, float] | None
     fog: tuple[str, float, float] | None
@@ -274,9 +274,9 @@ class _Given:
         if args.trace:
             raise UsageError("--trace goes with --explain")
         self._check_show()
-        if args.samples is not None and args.antialias is not True:
-            raise UsageError("--samples goes with --antialias that is not proved")
-        if args.antialias is not None and (args.show != "color" or args.check is not None):
+        if args.samples is not None and not args.antialias:
+            raise UsageError("--samples goes with --antialias")
+        if args.antialias and (args.show != "color" or args.check is not None):
             other = "--check" if args.check is not None else f"--show {args.show}"
             raise UsageError(f"--antialias does not go with {other}, which is about the rays of pixels' middles")
         if args.compare is not None:
@@ -322,7 +322,7 @@ class _Given:
         """Options of a kind of work on scenes."""
         args = self._args
         scenes = tuple(self._typed(SceneOptions, path=path) for path in args.scenes)
-        drawing = self._typed(Drawing, antialias=args.antialias or False)
+        drawing = self._typed(Drawing)
         output = None if args.output is None else tuple(args.output)
         common = {"scene": scenes[0], "scenes": scenes, "drawing": drawing, "look": self._typed(Look), "output": output}
         return self._typed(kind, **(common | others))

@@ -95,14 +95,7 @@ def _picture(group: Group) -> None:
     )
     group.rare("--square-pixels", action="store_true", help="vertical half-angle by tan(angle)*H/W")
     group.usual("--transparent", action="store_true", help="nothing instead of the background: a PNG with alpha")
-    group.usual(
-        "--antialias",
-        nargs="?",
-        const=True,
-        type=arguments.antialias,
-        metavar="LEVELS",
-        help="colours are means over pixels; =proved or =LEVELS: proved for spheres",
-    )
+    group.usual("--antialias", action="store_true", help="colours are means over pixels")
     group.rare("--outline", type=arguments.outline, metavar="COLOR,WIDTH", help="lines of WIDTH pixels around surfaces")
     group.rare(
         "--fog", type=arguments.fog, metavar="COLOR,NEAR,FAR", help="surfaces fade to a colour between these distances"

@@ -51,7 +51,7 @@ def compare(work: Compare, reporter: Reporter) -> int:
     if work.show != "color" or work.compare.lower().endswith(".npy"):
         return _compare_dump(work, scene, device)
     options: dict[str, Any] = {"device": device, "precision": drawing.precision, "truncate": drawing.truncate}
-    options["antialias"] = bool(drawing.antialias)
+    options["antialias"] = drawing.antialias
     try:
         result = comparison_of(scene, work.compare, tolerance=work.tolerance, **options)
     except ValueError as error:

@@ -33,7 +33,7 @@ def view(work: View, reporter: Reporter) -> int:
     options = drawing.renderer_options(())
     for name in ("outputs", "antialias", "samples"):
         del options[name]
-    smooth = {"antialias": drawing.antialias or True, "samples": drawing.samples}
+    smooth = {"antialias": True, "samples": drawing.samples}
     read = partial(scene_of, work.scene, reporter, lines=True)
     scene = read()
     film = _film(work.movie, reporter, scene) if work.movie else None
@@ -68,7 +68,7 @@ def _judge(work: View, device: Device) -> Callable[[Scene], Comparison] | None:
     if work.compare is None:
         return None
     drawing = work.drawing
-    how: dict[str, Any] = {"truncate": drawing.truncate, "antialias": bool(drawing.antialias)}
+    how: dict[str, Any] = {"truncate": drawing.truncate, "antialias": drawing.antialias}
     return partial(compare, picture=work.compare, device=device, precision=drawing.precision, **how)
 
 

@@ -67,7 +67,7 @@ class Image:
         id           (h, w) int32       number of the surface in the scene; -1 where nothing was hit
         primitive    (h, w) int32       number of the triangle within its mesh; -1 on spheres and where nothing was hit
         uv           (h, w, 2) float32  where the point is on a texture, not wrapped; 0 where nothing was hit
-        error        (h, w) float32     what the mean colour is off by at most, in levels of 255: see below
+        error        (h, w) float32     an estimate of what the mean colour is off by, in levels of 255
         coverage     (h, w) float32     the share of the pixel that surfaces cover: see below
         shadow_rays  (h, w) int32       to how many lights a shadow ray was sent; 0 for a single sphere from outside
         work         (h, w, k) int32    how often the pixel did what each of COUNTERS in plan/abi.py names
@@ -81,11 +81,11 @@ class Image:
     normal n that it had before its transform: 1/2 + atan2(n.x, n.z) / (2 pi) and acos(n.y) / pi.
 
     error and coverage are there only with antialias. rgb8, color, rgba8 and alpha are then means over the pixel's
-    square, in which each colour counts up to 1; a byte is rounded besides. With antialias=True error is an estimate: of
-    95 pixels in 100 no channel of color is further from the true mean than error / 255. With "proved" that holds of
-    all, but of pixels that may show a triangle, a texture, a mirror or glass: these have the estimate. Where bytes are
-    sRGB, error is about colours by that curve, times 255; and it is always about those in front of an opaque
-    background. The other outputs are those of the ray through the pixel's middle.
+    square, in which each colour counts up to 1; a byte is rounded besides. error is an estimate from the differences
+    between the colours of the pixel's rays: in 95 pixels of 100, no channel of color is further from the true mean
+    than error / 255, and docs/accuracy.md says how the estimate is made. Where bytes are sRGB, error is about colours
+    by that curve, times 255; and it is always about those in front of an opaque background. The other outputs are
+    those of the ray through the pixel's middle.
 
     shadow_rays and work count what was done, also for rays of mirrors and glass. Faint ones of those may have been
     left out, or traced twice, where no picture shows it: how many depends on which outputs were asked for.

@@ -171,9 +171,6 @@ COUNTERS = {
     "DROPPED": "branches too faint for any output",
     "RETRACED": "pixels traced again, as what was dropped might show",
     "SAMPLED": "pixels that have all samples, as the rays through their corners do not agree",
-    "ESTIMATES": "pixels of which the error is an estimate",
-    "TOO_FAR": "pixels that would need more cells for the error that is wanted",
-    "CELLS": "cells that are pixels or parts of them, of which a mean is proved",
 }
 
 # The kinds of lights that are traced, by their numbers. Each has a file of its own in kernels/lights/, with functions
@@ -289,7 +286,7 @@ ARGUMENTS = (
         needs="OUT_PRIMITIVE",
     ),
     *_outputs(("uv", "float", 2, "u, v: where the point is on a texture, 0 = nothing"), needs="OUT_UV"),
-    *_outputs(("error", "float", 1, "what the mean colour is off by at most, in levels of 255"), needs="OUT_ERROR"),
+    *_outputs(("error", "float", 1, "an estimate of the mean colour's error, in levels of 255"), needs="OUT_ERROR"),
     *_outputs(("coverage", "float", 1, "the share of the pixel that surfaces cover"), needs="OUT_COVERAGE"),
     *_outputs(
         ("shadow_rays", "int", 1, "to how many lights a shadow ray was sent"),
@@ -452,11 +449,6 @@ ARGUMENTS = (
     ),
     *_values(
         "Scene",
-        ("levels", "float", "error in levels of 255 up to which no pixel is split"),
-        needs="WITH_AVERAGE",
-    ),
-    *_values(
-        "Scene",
         ("lattice", "int2", "x: log2 of N, the rays of a pixel where few do not agree; y: which lattice, see LATTICES"),
         ("scatter", "float", "what a mean over them is off by at most, mostly, for each 1 by which they differ"),
         needs="WITH_SAMPLES",
@@ -547,10 +539,7 @@ FLAGS = {
     "WITH_TRIANGLES": "there are meshes",
     "WITH_PATCHES": "rays from surfaces may meet triangles",
     "WITH_TREE": "rays from surfaces walk through a tree",
-    "WITH_MEANS": "colours are means over pixels",
-    "WITH_AVERAGE": "what these are off by is proved",
-    "WITH_SAMPLES": "they are those of rays at fixed places",
-    "WITH_MARKS": "samples are told apart by what their rays have met",
+    "WITH_SAMPLES": "colours are means over pixels, of rays at fixed places",
     "WITH_CENTRES": "more than those means is wanted of the pixels",
     "KEEP_HIGHLIGHTS": "highlights that no pixel shows are computed, too",
     "KEEP_WEIGHTLESS": "colours of no weight are computed, too",

@@ -38,9 +38,8 @@ def features(world: World, camera: AnyCamera, inside: bool, request: Request) ->
     sampled = shading and request.means
     uv = textures or "uv" in request.outputs
     bounded = request.precision != "single" and KEPT.isdisjoint(request.keep)
-    proof = sampled and request.antialias is not None
     points = lit and (at_points or full) and bounded
-    needed = {"shape": True, "bounces": bounces, "points": points, "proof": proof}
+    needed = {"shape": True, "bounces": bounces, "points": points}
     flags = {f"OUT_{name.upper()}": True for name in request.outputs}
     flags |= {row.flag: len(shape.number) > 0 for row, shape in zip(SHAPES, world.shapes, strict=False)}
     flags |= {flag: needed[reason] for shape in world.shapes for flag, reason in shape.flags.items()}
@@ -68,9 +67,7 @@ def features(world: World, camera: AnyCamera, inside: bool, request: Request) ->
         "WITH_CEILING": splits and (world.bounces.overgrows(camera.max_bounces) or full),
         "PROVE_COLOR": drops and "color" in request.outputs and not request.means,
         "WITH_TREE": bounces and surfaces > FOREST and "tree" not in request.keep,
-        "WITH_MEANS": sampled,
         "WITH_SAMPLES": sampled,
-        "WITH_MARKS": sampled,
         "WITH_CENTRES": sampled and not {"rgb8", "color", "error", "coverage"}.issuperset(request.outputs),
         "KEEP_HIGHLIGHTS": lit and "highlights" in request.keep,
         "KEEP_WEIGHTLESS": bounces and "weightless" in request.keep,

@@ -42,7 +42,7 @@ class Grids:
         self._shapes = [i for i, count in enumerate(counts) if count or not i]
         self._visible = [np.ones(count, bool) for count in counts]
         # What is not in the picture itself may be seen in a mirror.
-        everywhere = "receivers" in request.keep or world.bounces.any or request.antialias is not None
+        everywhere = "receivers" in request.keep or world.bounces.any
         self._receiver = np.full(self._total, everywhere)
         self._what = world.shapes[0].words if self._total == counts[0] else "surfaces"
         self.light_buffer = np.zeros((len(lights), 4), np.int32)

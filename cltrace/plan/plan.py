@@ -106,14 +106,9 @@ def _frame(world: World, view: View, request: Request) -> dict[str, Any]:
 
 
 def _means(request: Request) -> dict[str, Any]:
-    """The kernel's arguments for means. Where a mean is known to more than a level, what is shown is as far from the
-    middle of its bounds as their ends at most: so the bounds are to be half as wide."""
-    n, levels = request.samples or 1, request.antialias or 0.0
-    return {
-        "levels": min(levels, max(1.0, levels / 2)),
-        "lattice": (n.bit_length() - 1, LATTICES[n]),
-        "scatter": SCATTER[n],
-    }
+    """The kernel's arguments for means over samples."""
+    n = request.samples or 1
+    return {"lattice": (n.bit_length() - 1, LATTICES[n]), "scatter": SCATTER[n]}
 
 
 def _same_byte(c: float, rounding: float, shade: np.dtype[Any]) -> np.float32:

@@ -28,8 +28,6 @@ Keep = Literal[
     "branches",
 ]
 KEEPS: tuple[Keep, ...] = get_args(Keep)
-# How colours become means: by samples, or with a proof, of 1 level of 255 or of as many.
-Antialias = bool | float | Literal["proved"]
 # What the host makes of outputs that the kernel writes, and of which.
 COMPOSED = {"rgba8": ("rgb8", "id"), "alpha": ("id",)}
 # The same of antialiased pictures.
@@ -58,8 +56,7 @@ class Request:
     outputs: one or more names of abi.OUTPUTS and of COMPOSED, of which those are kept that the kernel writes, in the
     table's order; crop: (x0, y0, x1, y1), a part of the picture in pixels, x1 and y1 excluded, None for all of it;
     truncate: whether a byte is 255 c cut to a whole number, instead of rounded to the nearest; samples: colours are
-    means of so many rays, a key of LATTICES, where few of a pixel do not agree; antialias: of spheres these are proved,
-    by splitting pixels until the error is at most so many levels of 255; None for both: they are those of the pixels'
+    means of so many rays, a key of LATTICES, where few of a pixel do not agree; None: colours are those of the pixels'
     middles.
 
     keep: names of KEEPS, what not to leave out, for measuring. No picture depends on it, but for those of some extreme
@@ -81,7 +78,7 @@ class Request:
         weightless: the own colour of surfaces that only mirror or let through
         branches: mirrored and refracted rays that no output shows
 
-    Raises ValueError, naming the field, for a precision, outputs, truncate, antialias, samples or keep that is not
+    Raises ValueError, naming the field, for a precision, outputs, truncate, samples or keep that is not
     allowed. A crop is checked by region_of(), where the size of the picture is known.
     """
 
@@ -89,7 +86,6 @@ class Request:
     outputs: tuple[str, ...] = ("rgb8",)
     crop: Crop | None = None
     truncate: bool = False
-    antialias: float | None = None
     samples: int | None = None
     keep: tuple[str, ...] = ()
 
@@ -105,9 +101,6 @@ class Request:
                 raise ValueError(f"{name}: must be some of {', '.join(allowed)}, got {value!r}")
         if not isinstance(self.truncate, bool):
             raise ValueError(f"truncate: must be True or False, got {self.truncate!r}")
-        if self.antialias is not None and not 0 < self.antialias <= 255:
-            wanted = 'True, False, "proved" or levels of 255, above 0'
-            raise ValueError(f"antialias: must be {wanted}, got {self.antialias!r}")
         if self.samples is not None and (not is_whole(self.samples) or self.samples not in LATTICES):
             raise ValueError(f"samples: must be one of {', '.join(map(str, LATTICES))}, got {self.samples!r}")
         for name in ("error", "coverage"):
@@ -128,7 +121,7 @@ class Request:
     @property
     def means(self) -> bool:
         """Whether colours are means over pixels."""
-        return self.antialias is not None or self.samples is not None
+        return self.samples is not None
 
     @property
     def needs_colors(self) -> bool:

@@ -23,7 +23,7 @@ from cltrace.plan.abi import Precision
 from cltrace.plan.passes import passes_of
 from cltrace.plan.plan import Plan
 from cltrace.plan.precision import precision_for
-from cltrace.plan.request import WIDTHS, Antialias, Crop, Keep, Region, Request, is_whole
+from cltrace.plan.request import WIDTHS, Crop, Keep, Region, Request, is_whole
 from cltrace.plan.view import View
 from cltrace.plan.world import Before, World
 from cltrace.run.devices import Device, check_process, choose
@@ -41,19 +41,13 @@ PROBES, PROBED = (4, 2), 2**28
 BAND = 2**22
 
 
-def means_of(antialias: Antialias, samples: int | None) -> dict[str, Any]:
-    """What Request wants for these arguments of Renderer. Raises ValueError for those that are not allowed."""
-    if isinstance(antialias, (bool, np.bool_)):
-        if samples is not None and not antialias:
-            raise ValueError(f"samples: goes with antialias=True, got {samples!r} without it")
-        return {"samples": (SAMPLES if samples is None else samples) if antialias else None}
-    if samples is not None:
-        raise ValueError(f"samples: goes with antialias=True, got antialias={antialias!r}")
-    if antialias == "proved":
-        return {"antialias": 1.0, "samples": SAMPLES}
-    if not isinstance(antialias, (int, float, np.integer, np.floating)) or not 0 < antialias <= 255:
-        raise ValueError(f'antialias: must be True, False, "proved" or levels of 255, above 0, got {antialias!r}')
-    return {"antialias": float(antialias), "samples": SAMPLES}
+def samples_of(antialias: bool, samples: int | None) -> int | None:
+    """The samples that Request wants for these arguments of Renderer. Raises ValueError if they are not allowed."""
+    if not isinstance(antialias, (bool, np.bool_)):
+        raise ValueError(f"antialias: must be True or False, got {antialias!r}")
+    if samples is not None and not antialias:
+        raise ValueError(f"samples: goes with antialias=True, got {samples!r} without it")
+    return (SAMPLES if samples is None else samples) if antialias else None
 
 
 def default_precision(device: Device) -> Precision:
@@ -71,8 +65,7 @@ class Renderer:
     which Image describes, and rgb8 brings rgba8 where the background has alpha; crop: (x0, y0, x1, y1), exactly those
     pixels of the whole picture, x1 and y1 excluded, None for all of it; truncate: whether a byte is 255 c cut to a
     whole number, instead of rounded to the nearest; width: pixels in a packet, 1, 4, 8 or 16, None for what is best on
-    the device; antialias: whether colours are means over pixels: True for those of some rays, "proved" or levels of 255
-    for means that are off by 1 level or by as many, but for a few pixels, with a proof, see Image; samples: with
+    the device; antialias: whether colours are means over some rays of each pixel, see Image; samples: with
     antialias=True, how many rays a pixel has at most, 1, 4, 16, 32, 64, 256 or 1024, None for 32; outline: (color,
     width), lines of so many pixels where a surface ends before another one or before the background; fog: (color, near,
     far), the colour to which surfaces fade between these distances from the eye, in scene units: depth cueing. Both are
@@ -107,7 +100,7 @@ class Renderer:
         crop: Crop | None = None,
         truncate: bool = False,
         width: int | None = None,
-        antialias: Antialias = False,
+        antialias: bool = False,
         keep: tuple[Keep, ...] = (),  # for the benchmark and tests, see Request; not part of the public interface
         samples: int | None = None,
         outline: tuple[Any, float] | None = None,
@@ -120,7 +113,8 @@ class Renderer:
         self._asked, self._effects = outputs, (outline, fog)
         self._composition = self._composition_of(scene, truncate)
         self._chosen = precision or default_precision(self.device)
-        how: dict[str, Any] = {"crop": crop, "truncate": truncate, "keep": keep, **means_of(antialias, samples)}
+        how: dict[str, Any] = {"crop": crop, "truncate": truncate, "keep": keep}
+        how["samples"] = samples_of(antialias, samples)
         request = Request(self._chosen, self._composition.written, **how)
         self.request = replace(request, precision=precision_for(scene, self._chosen))
         if self.precision != "single" and not self.device.has_double:
@@ -462,7 +456,7 @@ def render(
     crop: Crop | None = None,
     truncate: bool = False,
     progress: bool | None = None,
-    antialias: Antialias = False,
+    antialias: bool = False,
     samples: int | None = None,
     outline: tuple[Any, float] | None = None,
     fog: tuple[Any, float, float] | None = None,

@@ -433,8 +433,7 @@ class Executor:
         }
         lower = ", or ".join(f"{name}, which is {number}" for name, number in numbers.items() if number)
         lights = ", or have fewer lights" if self._further else ""
-        proof = ", or do without the proof of antialiasing" if request.antialias else ""
-        return lower + lights + proof
+        return lower + lights
 
     @property
     def _most_seconds(self) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 
 from cltrace.base.errors import CltraceError, printable
 from cltrace.picture.image import LIT, SHOWS, Image, Output, Show
-from cltrace.renderers.renderer import SAMPLES, Renderer, means_of
+from cltrace.renderers.renderer import Renderer, samples_of
 from cltrace.run.devices import Device
 from cltrace.scene import Scene
 from cltrace.students.comparison import Comparison
@@ -76,8 +76,7 @@ class Stage:
         self._renderers = dict[tuple[object, ...], Renderer]()
         self._resting: Renderer | None = None  # what draws a picture at rest now
         self._compared: tuple[Scene, Comparison] | None = None
-        means_of(**self.smooth)
-        self.samples: int = (self.smooth["samples"] or SAMPLES) if self.smooth["antialias"] is True else 0
+        self.samples: int = samples_of(**self.smooth) or 0
         self._renderer(scene, "color", self.options, "rgb8")
 
     @property

@@ -15,7 +15,6 @@ from typing import Any
 from cltrace.base.errors import MissingPackageError
 from cltrace.movie.animate import FPS, animate
 from cltrace.plan.abi import Precision
-from cltrace.plan.request import Antialias
 from cltrace.run.devices import Device, choose
 from cltrace.scene import Scene
 from cltrace.viewer.film import film_of
@@ -26,7 +25,7 @@ def view(
     scene: Scene,
     device: str | Device | None = None,
     precision: Precision | None = None,
-    antialias: Antialias = True,
+    antialias: bool = True,
     samples: int | None = None,
     outline: tuple[Any, float] | None = None,
     fog: tuple[Any, float, float] | None = None,

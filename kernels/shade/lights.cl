@@ -12,8 +12,8 @@ typedef struct {
     Shade3 ambient; /* ka La C */
     Shade3 diffuse; /* kd C */
     SHADE ks, exponent;
-    INT texel;   /* WITH_MARKS, where the colour is in memory, -1 without a texture */
-    MASK uneven; /* WITH_MARKS, whether it is in a square of texels that differ by much, see plan/textures.py */
+    INT texel;   /* WITH_SAMPLES, where the colour is in memory, -1 without a texture */
+    MASK uneven; /* WITH_SAMPLES, whether it is in a square of texels that differ by much, see plan/textures.py */
 } Intersection;
 
 /* What is known of the colours of points while lights are added. */

@@ -62,7 +62,7 @@ static void paint(const Scene *scene, const INT id, Intersection *at) {
         full[lane] = texture.w;
     }
     const INT columns = LOAD_LANES(width), first = LOAD_LANES(begin), most = LOAD_LANES(full);
-    if (HAS(WITH_MARKS)) at->texel = -1, at->uneven = 0;
+    if (HAS(WITH_SAMPLES)) at->texel = -1, at->uneven = 0;
     if (!ANY(most > 0)) return;
     const INT rows = LOAD_LANES(height);
     const Between u = between(at->u, columns), v = between(at->v, rows);
@@ -76,7 +76,7 @@ static void paint(const Scene *scene, const INT id, Intersection *at) {
                           blended(four, green, bits, u.share, v.share) / white - none,
                           blended(four, 2 * green, bits, u.share, v.share) / white - none};
     const SHADE_MASK here = TO_SHADE_MASK(most > 0);
-    if (HAS(WITH_MARKS)) {
+    if (HAS(WITH_SAMPLES)) {
         at->texel = most > 0 ? first + size * (top + u.first) : (INT)-1;
         const INT square = v.first / SQUARE * ((columns + SQUARE - 1) / SQUARE) + u.first / SQUARE;
         at->uneven = (most > 0) & are_uneven(scene, first + size * columns * rows + square);

@@ -171,7 +171,7 @@ static MASK drop(const Scene *scene, const MASK branches, const REAL weight, con
 
 /* Marks what rays have met, where that has some weight; an edge in what has no more than FAINT_MARK is one of less than
  * a level. forget_marks() takes back what has been marked since, where the own colour has no weight either. */
-#ifdef WITH_MARKS
+#ifdef WITH_SAMPLES
 #define FAINT_MARK (real)0x1p-8f
 static MASK mark_met(const Branch rays, const Intersection at, Work *work) {
     const MASK marked = rays.live & TO_MASK(rays.weight > FAINT_MARK);
@@ -295,7 +295,7 @@ static Gathered gather(const Frame frame, const Scene *scene, const Real3 d, Int
  * pixels samples may lack a part of a level, see plan/dropping.py. */
 static MASK unproven(const Frame frame, const Gathered all, const Shade3 color) {
     if (!HAS(WITH_DROPPING)) return 0;
-    if (HAS(WITH_MEANS)) {
+    if (HAS(WITH_SAMPLES)) {
         const LONG part = (LONG)MOST_DROPPED;
         const LONG more = (all.slack.x > part) | (all.slack.y > part) | (all.slack.z > part);
         return TO_INT(more);

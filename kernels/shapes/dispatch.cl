@@ -5,8 +5,6 @@
  * shape.
  *   take        takes it into account along rays from the eye: first by a filter in float32, then for certain
  *   touches     which pixels it may be seen in, see samples/touches.cl
- *   extent, is_odd, block  over cells of the picture: where it may be seen, whether no mean of it is proved, and what
- *               it stops of a light, see average/sight.cl and blocking.cl
  *   settle      puts into a hit what is not known of late shapes before
  *   settle_t    the same of t alone
  *   shadow      which lanes' shadow rays it stops

@@ -207,7 +207,6 @@ def test_more_samples_are_nearer_to_the_truth(peers: dict[str, tracers.Tracer], 
             assert errors[1] > 5, (name, variant)
             assert errors[4] < 0.4 * errors[1], (name, variant)
             assert errors[16] < 1.2, (name, variant)
-    assert max(curves["accurate", "proved"].values()) < 1
     # Also in turns, as rounds are, where several tracers have one program.
     for one, picture in drawn.items():
         assert one.run(case.scene, 1).rgb8.tobytes() == picture, one.name

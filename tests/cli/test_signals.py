@@ -213,7 +213,6 @@ SLOW = [
     (nested, ["--orbit", "9", "-o", "m%d.png"], "max_bounces, which is 20", "SIGTERM"),
     (nested, ["--explain", "320,180"], "--explain is slow: lower max_bounces, which is 20", "SIGINT"),
     pytest.param(nested, ["-o", "p.png", "--antialias"], "samples, which is 32", "SIGTERM", marks=pytest.mark.slow),
-    pytest.param(nested, ["-o", "p.png", "--antialias=proved"], "without the proof", "SIGINT", marks=pytest.mark.slow),
 ]
 
 

@@ -131,7 +131,7 @@ def test_damaged_scenes_are_drawn_right(any_device: Device) -> None:
 ASIDE = {"--verbose", "--cluster", "--doctor", "--list-devices", "--watch", "--help", "-h", "--version"}
 _VALUES = (
     "1 0 -1 3 16 17 8x6 0x0 9x 1e3x5 70000x70000 0,0,4,4 4,4,0,0 1,2,3 1,2 :2 1:9:2 x X 0,0,0 inf nan 1e400 all "
-    "text json none color id depth normal rgb8,id proved 0.5 accurate single double cpu gpu 0:0 9:9 s.xml t.png - . = "
+    "text json none color id depth normal rgb8,id accurate single double cpu gpu 0:0 9:9 s.xml t.png - . = "
     "a.png a.exr a.npy a.npz a%04d.png a.mp4 a.gif a.apng a.jpg {}.png none/a.png a.png/"
 )
 VALUES = _VALUES.split()

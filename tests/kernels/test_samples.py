@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from test_antialias import ESTIMATED, HOSTILE, OUTPUTS, SCENES
+from smooth_scenes import HOSTILE, OTHERS, OUTPUTS, SCENES
 
 import cltrace
 from cltrace.plan.request import LATTICES
@@ -104,11 +104,11 @@ def test_samples_are_exact_rays(any_device: Device, name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sorted({*HOSTILE, *ESTIMATED} - FILLED))
+@pytest.mark.parametrize("name", sorted({*HOSTILE, *OTHERS} - FILLED))
 def test_samples_of_hostile_scenes_are_exact_rays(any_device: Device, name: str) -> None:
     """By programs with the code for all features: 14 and as many for the rays, instead of 28."""
     least = 255 if name in UNTOLD else 12
-    assert_sampled((HOSTILE | ESTIMATED)[name](), any_device, 16, least, ("branches", "features"))
+    assert_sampled((HOSTILE | OTHERS)[name](), any_device, 16, least, ("branches", "features"))
 
 
 def test_all_lattices(any_device: Device) -> None:
@@ -182,7 +182,7 @@ def test_error_is_mostly_enough(any_device: Device) -> None:
     32 rays are nearer to the truth than what their spread says by more than 16 rays are.
     """
     for name in ("crossing", "large and small", "large texels", "tiny texels"):
-        scene = (HOSTILE | ESTIMATED)[name]()
+        scene = (HOSTILE | OTHERS)[name]()
         right = truth(scene, any_device)
         for n, most in ((16, 5), (32, 7)):
             image = cltrace.render(scene, any_device, outputs=OUTPUTS, antialias=True, samples=n)
@@ -380,8 +380,29 @@ def test_what_is_not_allowed(any_device: Device) -> None:
         (True, 8, "samples: must be one of 1, 4, 16"),
         (True, True, "samples: must be one of 1, 4, 16"),
         (False, 16, "samples: goes with antialias=True"),
-        ("proved", 16, "samples: goes with antialias=True"),
-        ("sampled", None, 'antialias: must be True, False, "proved"'),
+        ("proved", None, "antialias: must be True or False, got 'proved'"),
+        (0.5, 16, "antialias: must be True or False, got 0.5"),
     ):
         with pytest.raises(ValueError, match=message):
             cltrace.render(scene, any_device, antialias=antialias, samples=samples)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="outputs: error is of antialiasing, which is off"):
+        cltrace.render(scene, any_device, outputs=("error",))
+
+
+def test_bright_background(any_device: Device) -> None:
+    """A background counts up to 1, whether or not a surface is near."""
+    scene = HOSTILE["behind edges"]().in_front_of((1.5, 0.5, 1, 1))
+    color = cltrace.render(scene, any_device, outputs=("color",), antialias=True).color
+    assert color.max() == 1
+    assert color[0, 0].tolist() == [1, 0.5, 1]
+
+
+def test_middles_stay(any_device: Device) -> None:
+    """What is no colour is that of the ray through the middle, as without antialiasing."""
+    scene = HOSTILE["behind edges"]()
+    names: tuple[Any, ...] = ("normal", "depth", "id")
+    plain = cltrace.render(scene, any_device, outputs=names)
+    image = cltrace.render(scene, any_device, outputs=("rgb8", *names), antialias=True)
+    for name in names:
+        np.testing.assert_array_equal(getattr(image, name), getattr(plain, name))
+    assert (image.rgb8 != cltrace.render(scene, any_device).rgb8).any()

@@ -173,15 +173,6 @@ def test_smooth_edges_average_the_members_shadows() -> None:
 
 
 @pytest.mark.slow
-def test_proved_means_hold_under_a_panel() -> None:
-    scene = crowd(every_kind()[-1:])
-    proved = cltrace.render(scene, antialias="proved", outputs=("color", "error"))
-    off = 255 * np.abs(proved.color - in_boxes(scene, 24)).max(axis=2)
-    assert (off <= proved.error + 0.5).all()
-    assert 0.05 < np.median(proved.error[proved.error > 0]) < 1
-
-
-@pytest.mark.slow
 def test_a_soft_light_is_lit_where_any_member_reaches() -> None:
     scene = crowd(every_kind())
     found = lighting(scene)

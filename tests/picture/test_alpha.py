@@ -116,7 +116,7 @@ def test_smooth_edges_lie_well_on_white_and_on_black(alpha: float, transfer: Any
     """A cut-out, laid on a colour in linear light, is the picture with that colour behind the background's share."""
     clear = balls(background=(0.2, 0.5, 0.3, alpha), transfer=transfer)
     outputs: Any = ("color", "alpha", "rgba8", "rgb8", "error")
-    image = cltrace.render(clear, any_device, outputs=outputs, antialias="proved")
+    image = cltrace.render(clear, any_device, outputs=outputs, antialias=True)
     assert (image.alpha > 0.01).any()
     assert ((alpha + 0.01 < image.alpha) & (image.alpha < 0.99)).sum() > 200
     assert np.array_equal(image.rgba8[..., :3], image.rgb8)
@@ -126,7 +126,7 @@ def test_smooth_edges_lie_well_on_white_and_on_black(alpha: float, transfer: Any
     for ground in ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0)):
         behind = alpha * np.array(clear.background) + (1 - alpha) * np.array(ground)
         whole = replace(clear, background=tuple(behind), background_alpha=1.0, transfer="linear")
-        right = cltrace.render(whole, any_device, outputs=("color", "rgb8", "error"), antialias="proved")
+        right = cltrace.render(whole, any_device, outputs=("color", "rgb8", "error"), antialias=True)
         laid = image.color * image.alpha[..., None] + (1 - image.alpha[..., None]) * ground
         # Each is off by its own error: other backgrounds ask for other numbers of rays.
         assert (255 * np.abs(laid - right.color).max(axis=2) <= image.error + right.error + 0.01).all()
@@ -139,20 +139,20 @@ def test_smooth_edges_lie_well_on_white_and_on_black(alpha: float, transfer: Any
 @pytest.mark.slow
 def test_alone_colours_are_straight_too(any_device: Device) -> None:
     clear = balls(background="#33804d00")
-    both = cltrace.render(clear, any_device, outputs=("color", "rgba8"), antialias="proved")
-    alone = cltrace.render(clear, any_device, outputs=("color",), antialias="proved")
+    both = cltrace.render(clear, any_device, outputs=("color", "rgba8"), antialias=True)
+    alone = cltrace.render(clear, any_device, outputs=("color",), antialias=True)
     assert alone.outputs == ("color",)
     assert np.array_equal(alone.color, both.color)
-    opaque = cltrace.render(clear.in_front_of("#33804d"), any_device, outputs=("rgb8", "rgba8"), antialias="proved")
+    opaque = cltrace.render(clear.in_front_of("#33804d"), any_device, outputs=("rgb8", "rgba8"), antialias=True)
     assert np.array_equal(opaque.rgba8[..., :3], opaque.rgb8)
     assert (opaque.rgba8[..., 3] == 255).all()
 
 
 @pytest.mark.slow
 def test_a_following_renderer_is_antialiased_as_the_first(any_device: Device) -> None:
-    first = cltrace.Renderer(balls(background="white"), any_device, antialias=2)
+    first = cltrace.Renderer(balls(background="white"), any_device, antialias=True)
     clear = balls(background="#ffffff00")
-    found, fresh = first.following(clear).render(), cltrace.render(clear, any_device, antialias=2)
+    found, fresh = first.following(clear).render(), cltrace.render(clear, any_device, antialias=True)
     assert found.outputs == fresh.outputs == ("rgb8", "rgba8")
     assert np.array_equal(found.rgba8, fresh.rgba8)
 
@@ -160,10 +160,8 @@ def test_a_following_renderer_is_antialiased_as_the_first(any_device: Device) ->
 @pytest.mark.slow
 def test_the_error_of_srgb_is_about_its_bytes(any_device: Device) -> None:
     scene = balls(background="#101010", transfer="srgb")
-    image = cltrace.render(scene, any_device, outputs=("color", "error"), antialias="proved")
-    linear = cltrace.render(
-        replace(scene, transfer="linear"), any_device, outputs=("color", "error"), antialias="proved"
-    )
+    image = cltrace.render(scene, any_device, outputs=("color", "error"), antialias=True)
+    linear = cltrace.render(replace(scene, transfer="linear"), any_device, outputs=("color", "error"), antialias=True)
     assert np.array_equal(image.color, linear.color)
     e = linear.error.astype(float)[..., None] / 255
     # Whatever the true mean is within the linear bound, its sRGB is within the other.

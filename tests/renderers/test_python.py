@@ -333,11 +333,7 @@ def test_python_in_a_checkout_finds_its_kernels(tmp_path: Path) -> None:
         ({"outputs": "id"}, ValueError, "outputs: must be a tuple, such as ('id',), got 'id'"),
         ({"outputs": [["id"]]}, ValueError, "outputs: must be some of "),
         ({"outputs": None}, ValueError, "outputs: must be some of "),
-        (
-            {"antialias": 10**400},
-            ValueError,
-            'antialias: must be True, False, "proved" or levels of 255, above 0, got 1000',
-        ),
+        ({"antialias": 10**400}, ValueError, "antialias: must be True or False, got 1000"),
         ({"truncate": "no"}, ValueError, "truncate: must be True or False, got 'no'"),
         ({"crop": 5}, ValueError, "crop: must be 4 whole numbers (x0, y0, x1, y1), got 5"),
         ({"crop": (True, 0, 2, 2)}, ValueError, "crop: must be 4 whole numbers (x0, y0, x1, y1), got (True, 0, 2, 2)"),

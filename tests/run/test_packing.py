@@ -231,11 +231,7 @@ def test_bits_along_the_view(device: Device, precision: Precision, name: str) ->
 def test_bits_along_the_view_of_what_is_wanted(device: Device) -> None:
     """Of a crop, of antialiased pixels, and of pixels that float32 does not tell apart, which are numpy's."""
     wanted = (8, 9, 50, 40)
-    for request in (
-        Request(crop=(13, 7, 30, 22)),
-        Request(antialias=1.0, crop=wanted),
-        Request(samples=16, crop=wanted),
-    ):
+    for request in (Request(crop=(13, 7, 30, 22)), Request(samples=16, crop=wanted)):
         both(crowded().seen_by(parallel()), device, request)
     assert not both(crowded().seen_by(parallel(height=2.0**-13, lookat=(0.1, 0.2, 0))), device, Request())
 
@@ -279,7 +275,7 @@ def test_bits_of_a_crop(device: Device) -> None:
 
 def test_bits_of_antialiasing(device: Device) -> None:
     """Pixels' borders are seen, too, so lists are half a pixel wider."""
-    both(scene(*balls()), device, Request(antialias=1.0, crop=(8, 9, 50, 40)))
+    both(scene(*balls()), device, Request(samples=16, crop=(8, 9, 50, 40)))
 
 
 @pytest.mark.parametrize("spare", [0, 300])
@@ -323,7 +319,7 @@ def test_lists_without_what_is_behind(device: Device, monkeypatch: pytest.Monkey
     sizes = [len(tiles_of(renderer)) for renderer in (every, fewer)]
     assert sizes[1] < sizes[0] / 1.2 or name in ("around the eye", "one cell", "touching")
     assert np.array_equal(fewer.render().rgb8, every.render().rgb8)
-    for request in (Request("single"), Request(antialias=1.0, crop=(8, 9, 50, 40)), Request(samples=16)):
+    for request in (Request("single"), Request(samples=16, crop=(8, 9, 50, 40))):
         if name == "crowded":
             both(some, device, request)
 
@@ -390,7 +386,7 @@ def test_coarse_pictures_of_which_parts_are_wanted(device: Device, monkeypatch: 
     monkeypatch.setattr(spheres, "LAYERS", 0)
     crop = cltrace.Renderer(crowded(), device, outputs=DRAWN, crop=(13, 7, 30, 22)).render()
     assert np.array_equal(crop.rgb8, whole.rgb8[7:22, 13:30])
-    for request in (Request("single"), Request(samples=16), Request(antialias=1.0)):
+    for request in (Request("single"), Request(samples=16)):
         both(crowded(), device, request)
     both(crowded(resolution=(2**15, 1)), device, Request())
     monkeypatch.setattr(spheres, "LAYERS", np.inf)

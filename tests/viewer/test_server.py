@@ -322,7 +322,6 @@ def test_what_does_not_go_together(
     assert fault("view", str(FILE), "-o", "a.png") == "cltrace: --view takes no -o\n"
     assert fault(str(FILE), "--view", "--crop", "0,0,9,9") == "cltrace: --view takes no --crop\n"
     assert fault("view", str(FILE), str(FILE)) == "cltrace: --view is for one picture, of one scene\n"
-    assert fault("view", str(FILE), "--samples", "16", "--antialias=proved").startswith("cltrace: samples: goes with")
     assert "none.xml: " in fault("view", str(tmp_path / "none.xml"))
     monkeypatch.setitem(sys.modules, "aiohttp", None)
     monkeypatch.delitem(sys.modules, "cltrace.viewer.server", raising=False)

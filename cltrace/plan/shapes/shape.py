@@ -61,7 +61,7 @@ class Shape(ABC):
 
     row: (n,), which one of the scene each one is, the same object as of another world if that has the same order;
     number: (n,), the number of each one's surface in the scene; flags: abi.FLAGS that the kernel has for them, beside
-    their own one, and what for: the shape itself, bounces, a proof of means, or lights at points; tree: what Paths.of()
+    their own one, and what for: the shape itself, bounces, or lights at points; tree: what Paths.of()
     wants of them, by name; leave: whether rays that meet some of them are decided as those that leave surfaces; words:
     what they are, for messages.
     """

@@ -59,8 +59,7 @@ class Spheres(Shape):
         again = repeated(center, radius, shape=shape, number=number, by_place=by_place)
         maps = Maps.of(shape, scene.to_object) if (shape >= 0).any() else None
         reach = radius * maps.longest[maps.of_sphere] if maps else radius
-        flags = {"WITH_AVERAGE": "proof"} if len(row) else {}
-        flags |= {"WITH_ELLIPSOIDS": "shape", "WITH_SHAPES": "shape"} if maps else {}
+        flags = {"WITH_ELLIPSOIDS": "shape", "WITH_SHAPES": "shape"} if maps else {}
         # Each is between two spheres.
         core = radius * maps.shortest[maps.of_sphere] if maps else radius
         tree = {"center": center, "outer": reach, "inner": core, "member": ~again}

@@ -61,13 +61,12 @@ class MeshPacker:
 
     @classmethod
     def of(cls, world: World, request: Request, device: Device, before: Toolbox | None = None) -> MeshPacker | None:
-        """None where triangles are in a proof, and if the device does not compute as numpy does.
+        """None if the device does not compute as numpy does.
 
         Raises BuildError and DeviceError as Executor does.
         """
-        served = (request.antialias is None or not len(world.of_shape(Meshes).number)) and is_exact(device)
         with driver_errors(device):
-            return cls(world, request, device, before) if served else None
+            return cls(world, request, device, before) if is_exact(device) else None
 
     def fits(self, world: World) -> bool:
         """Whether a world has the same triangles."""

@@ -78,7 +78,7 @@ def loading(scene: Scene, request: Request, device: Device) -> Callable[[], None
     A processor has nothing else to do for about a third of the time in which a world is made. What fails here fails
     again where the program is needed.
     """
-    if not scene.triangles > MANY or len(scene.columns) > MANY or request.antialias is not None:
+    if not scene.triangles > MANY or len(scene.columns) > MANY:
         return lambda: None
     thread = threading.Thread(target=_load, args=(device, request.precision))
     thread.start()
