@@ -36,7 +36,7 @@ def number(rule: Rule, text: str) -> float:
     if not _FLOAT.fullmatch(written):
         raise ValueError(f"must be a number, got {quoted(text)}")
     value = float(written)
-    if value == 0 and not _plain_zero(written):
+    if value == 0 and not is_plain_zero(written):
         value = math.ulp(0.0)  # what is written is not 0 but vanishes: as small as can be, for the rule to refuse
     fault = rule.fault(value)
     if fault:
@@ -46,7 +46,7 @@ def number(rule: Rule, text: str) -> float:
     return value
 
 
-def _plain_zero(written: str) -> bool:
+def is_plain_zero(written: str) -> bool:
     """Whether a number that reads as 0 is one: has no digit but 0 before its exponent."""
     return not re.split("[eE]", written)[0].strip("+-0.")
 

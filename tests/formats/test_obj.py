@@ -14,7 +14,7 @@ from fuzzing import FACTOR
 
 from cltrace.base import limits
 from cltrace.base.errors import SceneError
-from cltrace.formats import obj, obj_text
+from cltrace.formats import obj
 from cltrace.formats.files import UnreadableError
 from cltrace.formats.obj import Obj, read_obj
 from cltrace.scene import Geometry
@@ -67,9 +67,9 @@ def same(a: Geometry, b: Geometry) -> bool:
     return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in FIELDS)
 
 
-def each_alone(block: Any, which: Any, together: Any, alone: Callable[..., Any]) -> Any:
+def each_alone(which: list[int], together: Any, alone: Callable[[int], Any]) -> Any:
     """In place of `obj._parts`: reads every line by itself."""
-    return [one for one in (alone(block, i) for i in which.tolist()) if one is not None]
+    return [one for one in map(alone, which) if one is not None]
 
 
 # --- Valid files
@@ -574,7 +574,7 @@ def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(obj, "MAX_TRIANGLES", 3)
     assert len(geometry_of(TRIANGLE + "f 1 2 3\nf 1 2 3 1\n".replace(" 1\n", "\n")).faces) == 2
     assert faults_of(TRIANGLE + "f 1 2 3 1 2\nf 1 2 3\n") == ["5: face: must not be one of more than 3 triangles"]
-    monkeypatch.setattr(obj_text, "LINE", 1000)
+    monkeypatch.setattr(obj, "MAX_LINE", 1000)
     monkeypatch.setattr(obj, "BLOCK_BYTES", 100)
     assert faults_of(TRIANGLE + "f" + " 1" * 1000) == ["4: must not be a line of more than 1000 bytes"]
     assert faults_of(TRIANGLE + "f" + " 1 \\\n" * 1000) == ["4: must not be a line of more than 1000 bytes"]
