@@ -12,11 +12,10 @@ from functools import cached_property
 import numpy as np
 
 from cltrace.base.arithmetic import Floats, Triple, cross, dot, minus, two_sum
+from cltrace.exact.cuts import ExactCut
 from cltrace.exact.fine import Fine
-from cltrace.exact.surds import Surds
-from cltrace.exact.whole import grid_of, whole
 from cltrace.oracle.cylinders import MOST, Cylinders
-from cltrace.oracle.rays import ExactRays, Ids, Rough, columns, moderate
+from cltrace.oracle.rays import Ids, Rough, moderate
 from cltrace.oracle.search import Bools
 from cltrace.scene import Scene
 
@@ -35,10 +34,6 @@ class Cuts(Cylinders):
         return cls(start, end, radius, number.astype(np.int64), cuts["center"], cuts["flat"] == 1)
 
     @cached_property
-    def grid(self) -> int:  # type: ignore[override]
-        return grid_of(self.starts, self.ends, self.radii, self.centers)
-
-    @cached_property
     def moderate(self) -> Bools:
         return moderate(np.concatenate([self.starts, self.ends, self.centers, self.radii[:, None]], axis=1), MOST)
 
@@ -52,13 +47,9 @@ class Cuts(Cylinders):
         a, X = dot(w, w), cross(f, w)
         return a, dot(f, w), dot(f, f) - r * r, a * r * r - dot(X, X)
 
-    def whole_round_part(
-        self, exact: ExactRays, item: Ids, f: Triple[Surds], u: Triple[Surds]
-    ) -> tuple[Surds, Surds, Surds]:
-        C, r = (whole(x[item], exact.grid) for x in (self.centers, self.radii))
-        f, w = minus(columns(C * exact.scale[:, None]), exact.start), exact.way
-        r = r * exact.scale
-        return dot(w, w), dot(f, w), dot(f, f) - Surds(r * r)
+    def solid(self, item: int) -> ExactCut:
+        start, end, center = (x[item].tolist() for x in (self.starts, self.ends, self.centers))
+        return ExactCut(start, end, float(self.radii[item]), center, flat=bool(self.flat[item]))
 
     def depth(self, item: Ids) -> Ids:
         return np.where(self.flat[item], 0, 1)

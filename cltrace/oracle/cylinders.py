@@ -1,4 +1,4 @@
-"""The exact oracle for cylinders with flat ends.
+"""Cylinders with flat ends, as the oracle has them: what pairs of doubles know of rays and cylinders.
 
 With f = S - o, u = E - S, F = f x u and G = d x u, a ray o + t d is within the endless cylinder between the roots of
 
@@ -6,24 +6,21 @@ With f = S - o, u = E - S, F = f x u and G = d x u, a ray o + t d is within the 
 
 and between the planes of the ends from t = N / g to t = N' / g, with g = d.u; N and N' are h = f.u and h + u.u, by the
 sign of g. It is in the solid from the later one of the two beginnings to the earlier one of the two ends. Where these
-are in another order, it passes by. So all questions are signs of p + q sqrt(D). On the rim the flat end is met.
-
-In front of whole numbers, pairs of doubles that count their errors compare the same four t.
+are in another order, it passes by. Pairs of doubles that count their errors compare the four t.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from cltrace.base.arithmetic import Floats, Triple, cross, dot, minus, two_sum
 from cltrace.exact.fine import Fine, select
-from cltrace.exact.surds import Surds, signs_with_root
-from cltrace.exact.whole import Signs, grid_of, whole
-from cltrace.oracle.rays import ExactRays, Ids, Rays, Rough, columns, moderate, rounded
-from cltrace.oracle.search import Bools, Hits, Kind, Roots
+from cltrace.exact.shapes import ExactCylinder
+from cltrace.oracle.rays import Ids, Rays, Rough, moderate, rounded
+from cltrace.oracle.search import Bools, Hits, Kind
 from cltrace.scene import Scene
 
 # Up to what the filter takes numbers, see moderate(): products of ten of its numbers stay within the range of double.
@@ -44,10 +41,6 @@ class Cylinders(Kind):
         """All of a scene."""
         start, end, radius, number = (scene.cylinders[name] for name in ("start", "end", "radius", "number"))
         return cls(start, end, radius, number.astype(np.int64))
-
-    @cached_property
-    def grid(self) -> int:  # type: ignore[override]
-        return grid_of(self.starts, self.ends, self.radii)
 
     @cached_property
     def moderate(self) -> Bools:
@@ -87,14 +80,6 @@ class Cylinders(Kind):
         a, b, c, V = dot(G, G), dot(F, G), dot(F, F) - r * r * uu, dot(u, X)
         return a, b, c, uu * (a * r * r - V * V)
 
-    def whole_round_part(
-        self, exact: ExactRays, item: Ids, f: Triple[Surds], u: Triple[Surds]
-    ) -> tuple[Surds, Surds, Surds]:
-        """a, b and c, exactly."""
-        r = whole(self.radii[item], exact.grid) * exact.scale
-        F, G = cross(f, u), cross(exact.way, u)
-        return dot(G, G), dot(F, G), dot(F, F) - dot(u, u) * (r * r)
-
     def depth(self, item: Ids) -> Ids:
         """(k,): 1, or 0 where the second plane is the first one."""
         return np.ones(len(item), np.int64)
@@ -132,58 +117,6 @@ class Cylinders(Kind):
         kept = np.flatnonzero(~gone)
         return Hits(ray[kept], item[kept], sure[kept], t[kept])
 
-    def roots(self, exact: ExactRays, item: Ids, t_min: float | Floats, t_max: float | Floats) -> Roots:
-        S, E = (whole(x[item], exact.grid) for x in (self.starts, self.ends))
-        u, f = columns(E - S), minus(columns(S * exact.scale[:, None]), exact.start)
-        g, h = dot(exact.way, u), dot(f, u)
-        a, b, c = self.whole_round_part(exact, item, f=f, u=u)
-        k, D = h + dot(u, u) * (exact.scale * self.depth(item).astype(object)), b * b - a * c
-        forth = g.signs()
-        low, high = _chosen(forth > 0, h, k), _chosen(forth > 0, k, h)
-        round_, steep = a.signs() > 0, forth != 0
-        real = D.signs() >= 0
-        D = D * real.astype(object)
-        turn = np.where(forth < 0, -1, 1).astype(object)
-
-        def order(N: Surds, sign: int) -> Signs:
-            """The sign of N / g less the root of this sign."""
-            return signs_with_root((N * a - b * g) * turn, g * (-sign * turn), D)
-
-        # Where there is only one pair of ends, the other one does not count.
-        by_flat = steep & (~round_ | (order(low, -1) >= 0)), steep & (~round_ | (order(high, 1) <= 0))
-        both = real & (order(low, 1) <= 0) & (order(high, -1) >= 0)
-        between = real & (h.signs() <= 0) & (k.signs() >= 0)
-        exists = np.where(round_, np.where(steep, both, between), steep & (c.signs() <= 0))
-        one = np.ones(len(item), np.int64)
-        ends = []
-        for flat, N, side in zip(by_flat, (low, high), (-one, one), strict=True):
-            zero = Surds(np.full(len(item), 0, object))
-            of = _chosen(flat, g * g, a), _chosen(flat, N * g, b), _chosen(flat, zero, D)
-            ends.append(
-                Roots(
-                    exists & (steep | round_),
-                    _chosen(of[0].signs() > 0, of[0], Surds(one.astype(object))),
-                    of[1],
-                    side,
-                    D=of[2],
-                    normal=(zero, zero, zero),
-                    unit=exact.unit,
-                    surface=self.surface[item],
-                )
-            )
-        first, second = (end.within(t_min, t_max) for end in ends)
-        begin, end = ends
-        return replace(
-            begin,
-            exists=begin.exists & (first | second),
-            a=_chosen(first, begin.a, end.a),
-            b=_chosen(first, begin.b, end.b),
-            D=_chosen(first, begin.D, end.D),
-            side=np.where(first, -1, 1),
-        )
-
-
-def _chosen(mask: Bools, x: Surds, y: Surds) -> Surds:
-    """x where the mask is true, y elsewhere."""
-    some = mask.astype(object)
-    return x * some + y * (1 - some)
+    def solid(self, item: int) -> ExactCylinder:
+        start, end = self.starts[item].tolist(), self.ends[item].tolist()
+        return ExactCylinder(start, end, float(self.radii[item]))

@@ -1,14 +1,10 @@
-"""Rays as the oracle has them: in pairs of doubles that know their errors, and in whole numbers.
-
-All coordinates are whole multiples of powers of two. A point of a sphere is C + r n / |n|, which brings square roots:
-so exact numbers are p + q sqrt(s) with whole p, q and s.
-"""
+"""Rays as the oracle has them: in pairs of doubles that know their errors, and exactly, one by one."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from fractions import Fraction
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -16,41 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.arithmetic import Floats, minus
 from cltrace.exact.fine import Fine, FineVector, fine_vector
-from cltrace.exact.surds import Surds
-from cltrace.exact.whole import Whole, grid_of, over_power, whole
+from cltrace.exact.lines import ExactPoint, Frame, Line
 
 Ids = NDArray[np.int64]
-SurdVector = tuple[Surds, Surds, Surds]
-
-
-def columns(v: Whole) -> SurdVector:
-    return Surds(v[:, 0]), Surds(v[:, 1]), Surds(v[:, 2])
-
-
-def ones(count: int) -> Whole:
-    return np.full(count, 1, object)
-
-
-class ExactRays(NamedTuple):
-    """n rays in whole numbers. scale: (n,), > 0; start: times 2^grid and scale; way: times numbers > 0.
-
-    unit: (n,), what t is to be multiplied with, if it comes from these numbers.
-    """
-
-    grid: int
-    scale: Whole
-    start: SurdVector
-    way: SurdVector
-    unit: Whole
-
-    def at(self, rows: Ids) -> ExactRays:
-        start, way = (tuple(x[rows] for x in v) for v in (self.start, self.way))
-        return ExactRays(self.grid, self.scale[rows], start, way=way, unit=self.unit[rows])  # type: ignore[arg-type]
-
-    @property
-    def s(self) -> Whole | None:
-        """(n,), of their square roots; None if all is rational."""
-        return next((x.s for x in (*self.start, *self.way) if x.s is not None), None)
+LINES = 64  # exact lines that are kept, as several surfaces are asked about each
 
 
 class Rough(NamedTuple):
@@ -97,27 +62,25 @@ def rounded(v: FineVector) -> Floats:
 
 @dataclass(frozen=True)
 class Points:
-    """n points where rays start. rough: the anchor and the step of Rough, None if only whole numbers know them.
+    """n points where rays start. rough: the anchor and the step of Rough, None if only the exact engine knows them.
 
-    exact(rows, grid): scale (n,), > 0, and the points times 2^grid and that; grid: what this takes at least, see
-    grid_of(); own: (n,), rows of the surfaces of that kind on which the points are, -1 for none.
+    place(i): the i-th point, exactly; own: (n,), rows of the surfaces of that kind on which the points are, -1 for
+    none.
     """
 
     rough: tuple[Floats, FineVector] | None
-    grid: int
-    exact: Callable[[Ids, int], tuple[Whole, SurdVector]]
+    place: Callable[[int], ExactPoint]
     own: Ids
     kind: type | None = None
 
 
 @dataclass(frozen=True)
 class Rays:
-    """n rays, which count for t_min < t < t_max, (n,) or one number for all. rough: None if whole numbers decide all;
-    the rest as of Points."""
+    """n rays, which count for t_min < t < t_max, (n,) or one number for all. rough: None if the exact engine decides
+    all; line(i): the i-th ray, exactly; the rest as of Points."""
 
     rough: Rough | None
-    grid: int
-    exact: Callable[[Ids, int], ExactRays]
+    line: Callable[[int], Line]
     own: Ids
     kind: type | None = None
     t_min: float | Floats = 0.0
@@ -129,11 +92,14 @@ class Rays:
     def at(self, rows: Ids) -> Rays:
         rough = self.rough.at(rows) if self.rough else None
         low, high = (np.broadcast_to(end, len(self))[rows] for end in (self.t_min, self.t_max))
+        return replace(
+            self, rough=rough, line=lambda i: self.line(int(rows[i])), own=self.own[rows], t_min=low, t_max=high
+        )
 
-        def exact(some: Ids, grid: int) -> ExactRays:
-            return self.exact(rows[some], grid)
-
-        return replace(self, rough=rough, exact=exact, own=self.own[rows], t_min=low, t_max=high)
+    def range_of(self, i: int) -> tuple[float, float]:
+        """t_min and t_max of the i-th ray."""
+        low, high = (float(np.broadcast_to(end, len(self))[i]) for end in (self.t_min, self.t_max))
+        return low, high
 
     def begun(self) -> Rays:
         """The same rays from where t = t_min, for what doubles know of them: their t counts from there."""
@@ -152,11 +118,12 @@ class Rays:
 def at_point(place: ArrayLike, count: int) -> Points:
     """Points of the world for so many rays, (n, 3), or one for all, (3,): the eye."""
     anchor = np.broadcast_to(np.asarray(place, float), (count, 3))
+    eye = ExactPoint.of(np.asarray(place, float).tolist()) if np.ndim(place) == 1 else None
 
-    def exact(rows: Ids, grid: int) -> tuple[Whole, SurdVector]:
-        return ones(len(rows)), columns(whole(anchor[rows], grid))
+    def exact(i: int) -> ExactPoint:
+        return eye or ExactPoint.of(anchor[i].tolist())
 
-    return Points((anchor, fine_vector(np.zeros((count, 3)))), grid_of(place), exact, np.full(count, -1))
+    return Points((anchor, fine_vector(np.zeros((count, 3)))), exact, np.full(count, -1))
 
 
 def turned(v: Floats, basis: ArrayLike) -> FineVector:
@@ -173,36 +140,14 @@ def turned(v: Floats, basis: ArrayLike) -> FineVector:
 def along(start: Points, direction: Floats, basis: ArrayLike) -> Rays:
     """Rays along B^T d: direction (n, 3), d, in camera space; basis: (3, 3), B, the camera's axes in the world."""
     axes = np.asarray(basis, float)
-    fine, axes_grid = grid_of(direction), grid_of(axes)
-
-    def exact(rows: Ids, grid: int) -> ExactRays:
-        scale, place = start.exact(rows, grid)
-        d = whole(direction[rows], fine)
-        w = (d[:, None, :] * whole(axes.T, axes_grid)).sum(axis=2)
-        # The way is times 2^(fine + axes_grid), and the lengths are times 2^grid and scale.
-        return ExactRays(grid, scale, place, way=columns(w), unit=_units(scale, fine + axes_grid - grid))
-
+    frame = Frame(tuple(map(tuple, axes.tolist())))
     rough = Rough(*start.rough, turned(direction, axes)) if start.rough else None
-    return Rays(rough, start.grid, exact, start.own, start.kind)
 
+    @lru_cache(maxsize=LINES)
+    def line(i: int) -> Line:
+        return Line(start.place(i), frame.to_world(direction[i].tolist()))
 
-def along_numbers(start: Points, directions: Sequence[Sequence[float | Fraction]]) -> Rays:
-    """Rays along these directions of the world, which may be fractions, in whole numbers only."""
-    parts = [over_power(d) for d in directions]
-
-    def exact(rows: Ids, grid: int) -> ExactRays:
-        scale, place = start.exact(rows, grid)
-        w = np.array([parts[i][0] for i in rows.tolist()], object).reshape(-1, 3)
-        power = np.array([parts[i][1] - grid for i in rows.tolist()], object)
-        return ExactRays(grid, scale, place, way=columns(w), unit=_units(scale, power))
-
-    return Rays(None, start.grid, exact, start.own, start.kind)
-
-
-def _units(scale: Whole, power: int | Whole) -> Whole:
-    """2^power / scale."""
-    powers = np.broadcast_to(np.asarray(power, object), scale.shape)
-    return np.array([Fraction(2) ** k / x for k, x in zip(powers, scale, strict=True)], object)
+    return Rays(rough, line, start.own, start.kind)
 
 
 def to_light(start: Points, light: ArrayLike, parallel: bool) -> Rays:
@@ -211,18 +156,17 @@ def to_light(start: Points, light: ArrayLike, parallel: bool) -> Rays:
     From a light at a point they lead to the start, where t is 1.
     """
     place, count = np.asarray(light, float), len(start.own)
-    grid_of_light = grid_of(place)
     if parallel:
         return along(start, np.broadcast_to(-place, (count, 3)), np.eye(3))
-
-    def exact(rows: Ids, grid: int) -> ExactRays:
-        scale, end = start.exact(rows, grid)
-        x, y, z = (Surds(n * scale) for n in whole(place, grid))
-        return ExactRays(grid, scale, (x, y, z), way=minus(end, (x, y, z)), unit=ones(len(rows)))
-
+    source = ExactPoint.of(place.tolist())
     rough = None
     if start.rough:
         anchor, step = start.rough
         x, y, z = (a + b for a, b in zip(minus(fine_vector(anchor), fine_vector(place[None])), step, strict=True))
         rough = Rough(np.broadcast_to(place, (count, 3)), fine_vector(np.zeros((count, 3))), (x, y, z))
-    return Rays(rough, max(start.grid, grid_of_light), exact, start.own, start.kind, t_max=1.0)
+
+    @lru_cache(maxsize=LINES)
+    def line(i: int) -> Line:
+        return Line(source, start.place(i) - source)
+
+    return Rays(rough, line, start.own, start.kind, t_max=1.0)

@@ -1,25 +1,23 @@
 """What rays meet first, or at all, of surfaces of all kinds: the one search of the oracle.
 
-A kind of surfaces says what may meet, in doubles with bounds of their errors, and where, exactly. Here this is put
-together. What doubles leave in doubt is decided by signs of whole numbers, in _first() and Roots.before() alone.
+A kind of surfaces says what may meet, in doubles with bounds of their errors. What these leave in doubt is decided by
+the exact engine, in first_of().
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
-from fractions import Fraction
-from typing import NamedTuple, Self
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.base.arithmetic import Floats
 from cltrace.exact.fine import Fine
-from cltrace.exact.surds import Interval, Surds, root_between, signs_with_root, signs_with_roots
-from cltrace.exact.whole import Signs, Whole, rounded
-from cltrace.oracle.rays import ExactRays, Ids, Points, Rays, SurdVector
+from cltrace.exact.lines import ExactPoint, Line, Root
+from cltrace.oracle.rays import Ids, Points, Rays
 from cltrace.scene import Scene
 
 Bools = NDArray[np.bool_]
@@ -36,117 +34,17 @@ class Hits(NamedTuple):
     t: Fine
 
 
-@dataclass(frozen=True)
-class Roots:
-    """Where k rays meet surfaces first: t = unit (b + side sqrt(D)) / a with a > 0, if exists, (k,).
+class Solid(Protocol):
+    """A surface as the exact engine has it."""
 
-    side: (k,), 0 of planes, whose equation is a t = b with a = normal.way; normal: 0 of others. surface: (k,), its
-    number. Those of one ray have the same unit.
-    """
-
-    exists: Bools
-    a: Surds
-    b: Surds
-    side: Ids
-    D: Surds
-    normal: SurdVector
-    unit: Whole
-    surface: Ids
-
-    def at(self, rows: Ids) -> Roots:
-        x, y, z = (part[rows] for part in self.normal)
-        rest = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name != "normal"}
-        return Roots(**rest, normal=(x, y, z))
-
-    @classmethod
-    def all(cls, parts: Sequence[Roots], s: Whole | None) -> Roots:
-        """One after the other; s: of the square roots of all rays."""
-
-        def joined(columns: Sequence[Surds]) -> Surds:
-            return Surds.all([x.filled(part) for x, part in zip(columns, shares, strict=True)])
-
-        ends = np.cumsum([len(part.side) for part in parts])[:-1]
-        shares = [None] * len(parts) if s is None else np.split(s, ends)
-        x, y, z = (joined([part.normal[i] for part in parts]) for i in range(3))
-        a, b, D = (joined([getattr(part, name) for part in parts]) for name in ("a", "b", "D"))
-        exists, side, unit, surface = (
-            np.concatenate([getattr(part, name) for part in parts]) for name in ("exists", "side", "unit", "surface")
-        )
-        return cls(exists, a=a, b=b, side=side, D=D, normal=(x, y, z), unit=unit, surface=surface)
-
-    def before(self, other: Roots) -> Bools:
-        """Whether it comes before another one of the same ray.
-
-        Of two planes, that is asked of the direction w + (e, e^2, e^3) for every small e > 0. Of what is still equal,
-        that of the surface with the lower number does.
-        """
-        gap = self.b * other.a - other.b * self.a
-        D, E = self.D * other.a * other.a, other.D * self.a * self.a
-        sign = signs_with_roots(gap, one=self.side, D=D, other=-other.side, E=E)
-        planes = np.flatnonzero((sign == 0) & (self.side == 0) & (other.side == 0))
-        if len(planes):
-            mine, its = self.at(planes), other.at(planes)
-            for m, n in zip(mine.normal, its.normal, strict=True):
-                tie = sign[planes] == 0
-                sign[planes] = np.where(tie, (mine.b * n - its.b * m).signs(), sign[planes])
-        return np.asarray((sign < 0) | ((sign == 0) & (self.surface < other.surface)))
-
-    def sign_less(self, bound: float | Fraction) -> Signs:
-        """The signs of t - bound, (k,)."""
-        if isinstance(bound, float) and np.isinf(bound):
-            return np.full(len(self.side), -1 if bound > 0 else 1, np.int8)
-        if not bound:
-            return signs_with_root(self.b, self.side, self.D)
-        ratios = [(Fraction(bound) / unit).as_integer_ratio() for unit in self.unit]
-        p, q = np.array(ratios, object).reshape(-1, 2).T
-        return signs_with_root(self.b * q - self.a * p, self.side * q, self.D)
-
-    def within(self, t_min: float | Floats, t_max: float | Floats) -> Bools:
-        """(k,): whether t_min < t < t_max; these are (k,), or one number for all."""
-        inside = np.ones(len(self.side), bool)
-        for ends, sign in ((t_min, 1), (t_max, -1)):
-            values, which = np.unique(np.broadcast_to(ends, len(inside)), return_inverse=True)
-            for i, value in enumerate(values.tolist()):
-                rows = np.flatnonzero(which == i)
-                inside[rows] &= self.at(rows).sign_less(value) == sign
-        return inside
-
-    def between(self, i: int, bits: int) -> Interval | None:
-        """Bounds of t of the i-th, closer the more bits there are; None if these are too few."""
-        a, b, D = (x.one(i).between(bits) for x in (self.a, self.b, self.D))
-        ends = [root_between(max(D.low, Fraction(0)), bits).low, root_between(max(D.high, Fraction(0)), bits).high]
-        roots = sorted(int(self.side[i]) * end for end in ends)
-        t = Interval(b.low + roots[0], b.high + roots[1]).over(a)
-        return t and Interval(t.low * self.unit[i], t.high * self.unit[i])
-
-    def rounded(self) -> Floats:
-        """t correctly rounded, (k,); infinite beyond the range of doubles."""
-        return np.array([self._rounded(i) for i in range(len(self.side))], float)
-
-    def _rounded(self, i: int) -> float:
-        def side_of(bound: float | Fraction) -> int:
-            return int(self.at(np.array([i])).sign_less(bound)[0])
-
-        bits = 128
-        while True:
-            t = self.between(i, bits)
-            if t and t.low <= 0 <= t.high and side_of(0.0) == 0:
-                return 0.0
-            low, high = (rounded(t.low), rounded(t.high)) if t else (0.0, np.inf)
-            if low == high:
-                return low
-            if t and np.nextafter(low, np.inf) == high:  # which of the two is told by what is half way between
-                middle = (Fraction(low) + (Fraction(high) if high < np.inf else 2**1024)) / 2
-                return (low, rounded(middle), high)[side_of(middle) + 1]
-            bits *= 2
+    def first(self, line: Line, t_min: float, t_max: float) -> Root | None:
+        """Where a line meets it first, strictly between t_min and t_max."""
 
 
 class Kind(ABC):
-    """The surfaces of one kind. surface: (m,), their numbers in the scene; grid: what they take at least, see
-    grid_of()."""
+    """The surfaces of one kind. surface: (m,), their numbers in the scene."""
 
     surface: Ids
-    grid: int
 
     @classmethod
     @abstractmethod
@@ -171,8 +69,8 @@ class Kind(ABC):
         """Those of these pairs that do not surely pass each other by, at t > 0."""
 
     @abstractmethod
-    def roots(self, exact: ExactRays, item: Ids, t_min: float | Floats, t_max: float | Floats) -> Roots:
-        """Where each ray meets its surface within t_min < t < t_max, exactly; these are (k,), or one for all."""
+    def solid(self, item: int) -> Solid:
+        """One of them, exactly."""
 
 
 class Kinds:
@@ -183,6 +81,7 @@ class Kinds:
 
     def __init__(self, kinds: Sequence[Kind]) -> None:
         self.kinds, self.first = kinds, np.cumsum([0, *(len(kind.surface) for kind in kinds)])
+        self._solids: dict[int, Solid] = {}
         self.surface = np.concatenate([kind.surface for kind in kinds])
         self.primitive = np.concatenate([kind.primitives() for kind in kinds])
 
@@ -220,28 +119,30 @@ class Kinds:
                 hits = Hits(ray, item, np.zeros(len(ray), bool), t)
         return hits._replace(item=hits.item + first)
 
-    def roots(self, rays: Rays, ray: Ids, item: Ids) -> Roots:
-        """Of these pairs, exactly."""
-        used, place = np.unique(ray, return_inverse=True)
-        exact = rays.exact(used, max(rays.grid, *(kind.grid for kind in self.kinds))).at(place)
-        ends = [np.broadcast_to(end, len(rays)) for end in (rays.t_min, rays.t_max)]
-        of = np.searchsorted(self.first, item, side="right") - 1
-        rows = [np.flatnonzero(of == k) for k in range(len(self.kinds))]
-        parts = [
-            kind.roots(exact.at(some), item[some] - first, *(end[ray[some]] for end in ends))
-            for kind, some, first in zip(self.kinds, rows, self.first, strict=False)
-            if len(some)
-        ]
-        order = np.concatenate(rows)
-        return Roots.all(parts, None if exact.s is None else exact.s[order]).at(np.argsort(order))
+    def root(self, rays: Rays, ray: int, item: int, line: Line | None = None) -> Root | None:
+        """Where a ray meets a surface first within its range, exactly; line: the ray, if it is known already."""
+        if item not in self._solids:
+            of = int(np.searchsorted(self.first, item, side="right")) - 1
+            self._solids[item] = self.kinds[of].solid(item - int(self.first[of]))
+        return self._solids[item].first(line or rays.line(ray), *rays.range_of(ray))
+
+    def first_of(self, rays: Rays, ray: int, items: Sequence[int]) -> tuple[int, Root] | None:
+        """Which of these a ray meets first, exactly. Of equally near ones, that is the one of the lowest number."""
+        best: tuple[int, Root] | None = None
+        line = rays.line(ray)
+        for item in sorted(items, key=lambda item: (self.surface[item], item)):
+            root = self.root(rays, ray, item, line)
+            if root is not None and (best is None or root < best[1]):
+                best = item, root
+        return best
 
     def counts(self, rays: Rays) -> Ids:
         """(n,): how many surfaces each ray meets."""
         out = np.zeros(len(rays), int)
         for part, block, hits in self.hits(rays):
-            met, doubt = hits.sure.copy(), np.flatnonzero(~hits.sure)
-            if len(doubt):
-                met[doubt] = self.roots(block, hits.ray[doubt], hits.item[doubt]).exists
+            met = hits.sure.copy()
+            for k in np.flatnonzero(~met).tolist():
+                met[k] = self.root(block, int(hits.ray[k]), int(hits.item[k])) is not None
             out[part] = np.bincount(hits.ray[met], minlength=len(block))
         return out
 
@@ -250,18 +151,15 @@ class Kinds:
         return self.counts(rays) > 0
 
     def closest(self, rays: Rays, pairs: tuple[Ids, Ids] | None = None) -> Found:
-        """What each ray meets first; of equally near surfaces, as Roots.before() has it. pairs: as of hits()."""
+        """What each ray meets first; of equally near surfaces, as first_of() has it. pairs: as of hits()."""
         index, t, unsure = np.full(len(rays), -1), _none(len(rays)), np.zeros(len(rays), bool)
         for part, block, hits in self.hits(rays, pairs):
             item, near, doubt, kept = _nearest(len(block), hits)
-            left = kept[doubt[hits.ray[kept]]]
-            if len(left):
-                item[doubt], near.h[doubt] = -1, np.inf
-                roots = self.roots(block, hits.ray[left], hits.item[left])
-                first = _first(hits.ray[left], roots)
-                rows = hits.ray[left[first]]
-                item[rows], near.h[rows] = hits.item[left[first]], roots.at(first).rounded()
-                near.l[doubt] = near.error[doubt] = 0
+            begin = np.searchsorted(hits.ray[kept], np.arange(len(block) + 1))
+            for ray in np.flatnonzero(doubt).tolist():
+                first = self.first_of(block, ray, hits.item[kept[begin[ray] : begin[ray + 1]]].tolist())
+                item[ray], near.h[ray] = (first[0], float(first[1])) if first else (-1, np.inf)
+            near.l[doubt] = near.error[doubt] = 0
             index[part], unsure[part], t.h[part], t.l[part], t.error[part] = (item, doubt, near.h, near.l, near.error)
         return Found(self, rays, index, t, unsure)
 
@@ -308,20 +206,6 @@ def _nearest(count: int, hits: Hits) -> tuple[Ids, Fine, Bools, Ids]:
     return index, t, many > found, kept
 
 
-def _first(ray: Ids, roots: Roots) -> Ids:
-    """The rows of the roots that come first, one for each ray that meets something. ray: (k,), rising."""
-    there = np.flatnonzero(roots.exists)
-    ray = ray[there]
-    first = np.flatnonzero(np.append(True, ray[1:] != ray[:-1])) if len(ray) else np.empty(0, int)
-    count = np.diff(np.append(first, len(ray)))
-    best = first.copy()
-    for turn in range(1, int(count.max(initial=0))):
-        group = np.flatnonzero(count > turn)
-        a, b = best[group], first[group] + turn
-        best[group] = np.where(roots.at(there[b]).before(roots.at(there[a])), b, a)
-    return np.asarray(there[best])
-
-
 @dataclass(frozen=True)
 class Found:
     """What n rays meet first. item: (n,), rows of Kinds, -1 for none; t: (n,), to 2^-20 of itself, inf for none; doubt:
@@ -342,23 +226,21 @@ class Found:
 
     def rounded(self) -> Floats:
         """t correctly rounded, (n,)."""
-        t, rows = self.t.h.copy(), np.flatnonzero(~self.is_rounded)
-        if len(rows):
-            t[rows] = self.kinds.roots(self.rays, rows, self.item[rows]).rounded()
+        t = self.t.h.copy()
+        for row in np.flatnonzero(~self.is_rounded).tolist():
+            root = self.kinds.root(self.rays, row, int(self.item[row]))
+            assert root is not None
+            t[row] = float(root)
         return t
 
 
 def on_hits(rays: Rays, of: Kind, own: Ids) -> Points:
-    """The points where rays with rational numbers meet surfaces of a kind: o + (b + side sqrt(D)) d / a.
+    """The points where rays with rational numbers meet surfaces of a kind; own: (n,), the row of each one."""
 
-    own: (n,), the row of each one, which its ray meets.
-    """
+    def place(i: int) -> ExactPoint:
+        root = of.solid(int(own[i])).first(rays.line(i), 0.0, np.inf)
+        if root is None:
+            raise ValueError("the ray does not hit the surface")
+        return root.point()
 
-    def exact(rows: Ids, grid: int) -> tuple[Whole, SurdVector]:
-        some = rays.exact(rows, grid)
-        roots = of.roots(some, own[rows], 0.0, np.inf)
-        a, b, D = roots.a.p, roots.b.p, roots.D.p
-        x, y, z = (Surds(a * o.p + b * d.p, roots.side * d.p, D) for o, d in zip(some.start, some.way, strict=True))
-        return some.scale * a, (x, y, z)
-
-    return Points(None, max(rays.grid, of.grid), exact, own, type(of))
+    return Points(None, place, own, type(of))

@@ -1,68 +1,44 @@
-"""The exact oracle for spheres and ellipsoids: which one a ray hits, where, and whether a point sees a light.
+"""Spheres and ellipsoids as the oracle has them, and public questions about them alone.
 
-Every float64 is an integer times a power of two, so a scene is a set of integers. The ray is p = o + t d; with
+Spheres are given by centers (m, 3) and radii (m,) or one number for all, > 0; all numbers are finite. Every public
+function raises ValueError, which names the argument, where one is not of its shape or a value is not allowed. Touching
+counts, equal roots go to the lowest index, and a zero direction hits nothing.
 
-    f = C - o,  a = d.d,  b = f.d,  c = f.f - r^2,  D = b^2 - a c,
+In front of the exact engine is a filter: double-double arithmetic in numpy, which keeps count of its errors. With
 
-the sphere's roots are t = (b -/+ sqrt(D)) / a, and a hit is the smallest root t > 0. An ellipsoid |K (p - C)| = r is a
-sphere in its own axes, with K f and K d for f and d. All questions are then signs of integers, or of p + q sqrt(D) with
-integers p and q, which squaring decides:
+    f = C - o,  a = d.d,  b = f.d,  c = f.f - r^2,  D = b^2 - a c
+
+a ray o + t d meets a sphere at t = (b -/+ sqrt(D)) / a, and the first t > 0 is
 
     c > 0 (origin outside):  a hit iff b > 0 and D >= 0, at (b - sqrt(D)) / a = c / (b + sqrt(D))
     c < 0 (inside):          a hit,                      at (b + sqrt(D)) / a
     c = 0 (on the surface):  a hit iff b > 0,            at (b + sqrt(D)) / a = 2 b / a    (the root 0 is not a hit)
 
-A ray that starts on a sphere starts at P = A + R n / |n|: A, R and n are given numbers, |n| = sqrt(s) with s = n.n.
-With all lengths times s, C - P is s (C - A) - R n sqrt(s): a vector p + q sqrt(s) of integers. So a, b, c and D are
-such numbers, too, and c is 0 where it must be: there is no rule for the sphere that is left.
-
-Touching counts (D = 0), equal roots go to the lowest index, and a zero direction hits nothing.
-
-Spheres are given by centers (m, 3) and radii (m,) or one number for all, > 0; all numbers are finite. Every public
-function raises ValueError, which names the argument, where one is not of its shape or a value is not allowed.
-
-In front of the integers is a filter: double-double arithmetic in numpy, which keeps count of its errors.
+An ellipsoid |K (p - C)| = r is a sphere in its own axes, with K f and K d for f and d.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from math import atan2, isqrt, sqrt
+from math import atan2, sqrt
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.base.arithmetic import Floats, adjugate, dot, minus, product, two_sum
+from cltrace.base.arithmetic import Floats, dot, minus, product, two_sum
 from cltrace.exact.fine import Fine, FineVector, fine_vector, select
-from cltrace.exact.surds import Surds
-from cltrace.exact.whole import Whole, grid_of, over_power, whole
-from cltrace.oracle.rays import (
-    ExactRays,
-    Ids,
-    Points,
-    Rays,
-    Rough,
-    SurdVector,
-    along,
-    along_numbers,
-    at_point,
-    columns,
-    moderate,
-    ones,
-    rounded,
-    to_light,
-    turned,
-)
-from cltrace.oracle.search import Bools, Hits, Kind, Kinds, Roots, on_hits
+from cltrace.exact.lines import ExactPoint, Frame, Line, Root
+from cltrace.exact.shapes import ExactSphere
+from cltrace.oracle.rays import Ids, Points, Rays, Rough, along, at_point, moderate, rounded, to_light, turned
+from cltrace.oracle.search import Bools, Hits, Kind, Kinds, on_hits
 from cltrace.scene import Scene
 from cltrace.scene.rules import is_whole, numbers
 
 Maps = Sequence[ArrayLike | None]
-Inverse = tuple[Sequence[Sequence[int]], int]  # a matrix of whole numbers, and what it is to be divided by, > 0
 
 # Up to what the filter takes numbers, see moderate(). The largest and the smallest of its numbers, D of an ellipsoid,
 # has 8 such factors, two of which may be differences, 2^-52 of that. So nothing leaves the range of double, nor does
@@ -147,10 +123,6 @@ class Spheres(Kind):
         return cls(scene.spheres["center"], scene.spheres["radius"], maps, scene.sphere_numbers.astype(np.int64))
 
     @cached_property
-    def grid(self) -> int:  # type: ignore[override]
-        return grid_of(self.centers, self.radii)
-
-    @cached_property
     def bent(self) -> Bools:
         return np.array([K is not None for K in self.to_object], bool)
 
@@ -162,18 +134,12 @@ class Spheres(Kind):
             maps[i] = self.to_object[i]
         return maps
 
-    @cached_property
-    def inverses(self) -> list[Inverse | None]:
-        """K^-1 of each ellipsoid."""
-        return [_whole_inverse(K) if bent else None for K, bent in zip(self.maps, self.bent, strict=True)]
-
     def rounded_inverses(self, item: Ids) -> tuple[FineVector, FineVector, FineVector]:
         """The rows of K^-1 of ellipsoids."""
         used, place = np.unique(item, return_inverse=True)
         parts = []
-        for inverse in (self.inverses[i] for i in used):
-            assert inverse is not None
-            parts += [Fine.rounded(Fraction(x, inverse[1])) for row in inverse[0] for x in row]
+        for inverse, divisor in (self.solid(i).inverse for i in used.tolist()):
+            parts += [Fine.rounded(Fraction(x, divisor)) for row in inverse for x in row]
         table = np.array([(x.h, x.l, x.error) for x in parts], float).reshape(-1, 9, 3)[place]
         rows = [Fine(*(column.copy() for column in table[:, k].T)) for k in range(9)]
         return (rows[0], rows[1], rows[2]), (rows[3], rows[4], rows[5]), (rows[6], rows[7], rows[8])
@@ -190,7 +156,7 @@ class Spheres(Kind):
         """(m,): bounds of how far the surfaces are from their centres."""
         sizes = np.ones(len(self.radii))
         for i in np.flatnonzero(self.bent).tolist():
-            rows, divisor = _whole_inverse(self.maps[i])
+            rows, divisor = self.solid(i).inverse
             sizes[i] = float(sum(Fraction(abs(x), divisor) for row in rows for x in row))
         return np.asarray(self.radii * sizes * (1 + 2.0**-40))
 
@@ -255,38 +221,11 @@ class Spheres(Kind):
             put(v, bent, product(rows, at_rows(v, bent)))
         return f, w
 
-    def roots(self, exact: ExactRays, item: Ids, t_min: float | Floats, t_max: float | Floats) -> Roots:
-        f, d, r = self.from_start(exact, item)
-        a, b, c = dot(d, d), dot(f, d), dot(f, f) - Surds(r * r)
-        D, one, zero = b * b - a * c, np.ones(len(item), np.int64), Surds(np.full(len(item), 0, object))
-        there = (D.signs() >= 0) & (a.signs() > 0)
-        near = Roots(
-            there,
-            a,
-            b,
-            -one,
-            D=D * there.astype(object),
-            normal=(zero, zero, zero),
-            unit=exact.unit,
-            surface=self.surface[item],
+    def solid(self, item: int) -> ExactSphere:
+        K = self.to_object[item]
+        return ExactSphere(
+            self.centers[item].tolist(), float(self.radii[item]), None if K is None else np.asarray(K, float).tolist()
         )
-        first, second = (replace(near, side=side).within(t_min, t_max) for side in (-one, one))
-        return replace(near, exists=there & (first | second), side=np.where(first, -1, 1))
-
-    def from_start(self, exact: ExactRays, item: Ids) -> tuple[SurdVector, SurdVector, Whole]:
-        """f, d and r in whole numbers; of an ellipsoid in its own axes."""
-        f = minus(columns(whole(self.centers[item], exact.grid) * exact.scale[:, None]), exact.start)
-        r = whole(self.radii[item], exact.grid) * exact.scale
-        if not self.bent[item].any():
-            return f, exact.way, r
-        k = grid_of(self.maps)
-        K = np.moveaxis(whole(self.maps[item], k), 0, -1)
-
-        def own(v: SurdVector) -> SurdVector:
-            x, y, z = (v[0] * row[0] + v[1] * row[1] + v[2] * row[2] for row in K)
-            return x, y, z
-
-        return own(f), own(exact.way), r << k
 
 
 def at_rows(v: FineVector, rows: Ids) -> FineVector:
@@ -299,38 +238,14 @@ def put(v: FineVector, rows: Ids, values: FineVector) -> None:
         x.h[rows], x.l[rows], x.error[rows] = y.h, y.l, y.error
 
 
-def _whole_inverse(K: Floats) -> Inverse:
-    """K^-1; of a singular matrix, the divisor is 0."""
-    k = grid_of(K)
-    rows, determinant = adjugate(whole(K, k).tolist())
-    sign = -1 if determinant < 0 else 1
-    return [[sign * x << k for x in row] for row in rows], abs(determinant)
-
-
-def _from_center(q: Sequence[int], inverse: Inverse | None) -> tuple[int, Sequence[int], int]:
-    """scale, n and s: to the point of the normal q on a sphere, or an ellipsoid, of the radius 1 is n sqrt(s) / scale,
-    with s = |q|^2."""
-    s = dot(q, q)
-    if inverse is None:
-        return s, q, s
-    return s * inverse[1], product(inverse[0], q), s
-
-
 def on_spheres(spheres: Spheres, own: Ids, normal: Floats, basis: ArrayLike) -> Points:
     """Points of the spheres `own`, (n,). normal: (n, 3), of any length but 0, of a sphere in camera space, and of an
     ellipsoid in its own axes; basis: (3, 3), the camera's axes in the world."""
-    fine, axes_grid, bent = grid_of(normal), grid_of(basis), np.flatnonzero(spheres.bent[own])
+    bent, frame = np.flatnonzero(spheres.bent[own]), Frame(tuple(map(tuple, np.asarray(basis, float).tolist())))
 
-    def exact(rows: Ids, grid: int) -> tuple[Whole, SurdVector]:
-        q = whole(normal[rows], fine)
-        world = q @ whole(basis, axes_grid)
-        inverses = [spheres.inverses[i] for i in own[rows]]
-        steps = [_from_center(w if L is None else v, L) for v, w, L in zip(q, world, inverses, strict=True)]
-        scale, s = (np.array([step[i] for step in steps], object) for i in (0, 2))
-        n = np.array([list(step[1]) for step in steps], object).reshape(-1, 3)
-        center, radius = whole(spheres.centers[own[rows]], grid), whole(spheres.radii[own[rows]], grid)
-        x, y, z = (Surds(center[:, i] * scale, radius * n[:, i], s) for i in range(3))
-        return scale, (x, y, z)
+    def place(i: int) -> ExactPoint:
+        q = normal[i].tolist()
+        return spheres.solid(int(own[i])).point(q if spheres.bent[own[i]] else frame.to_world(q).fractions())
 
     n = turned(normal, basis)
     with np.errstate(all="ignore"):  # what is not finite is not sure
@@ -340,7 +255,7 @@ def on_spheres(spheres: Spheres, own: Ids, normal: Floats, basis: ArrayLike) -> 
             put(n, bent, product(spheres.rounded_inverses(own[bent]), at_rows(q, bent)))
         factor.error[~(moderate(normal, MOST) & spheres.moderate[own])] = np.inf
         x, y, z = (part * factor for part in n)
-    return Points((spheres.centers[own], (x, y, z)), spheres.grid, exact, own, Spheres)
+    return Points((spheres.centers[own], (x, y, z)), place, own, Spheres)
 
 
 # ------------------------------------------------------------------------------------------------------ rays and lights
@@ -362,7 +277,7 @@ def _map(name: str, to_object: ArrayLike | None) -> Floats | None:
     if to_object is None:
         return None
     made = array_of(name, to_object, 3, 3)
-    if not _whole_inverse(made)[1]:
+    if not ExactSphere((0, 0, 0), 1, made.tolist()).inverse[1]:
         raise ValueError(f"{name}: must not be singular")
     return made
 
@@ -378,26 +293,18 @@ def _spheres(centers: ArrayLike, radii: ArrayLike, to_object: Maps | None = None
 
 
 def _start(start: ArrayLike | Sequence[Fraction] | OnSphere, count: int) -> Points:
-    """Where so many rays start, in whole numbers only."""
+    """Where so many rays start, exactly."""
     if isinstance(start, OnSphere):
         center, radius = _ball(start.center, start.radius, ("start.center", "start.radius"))
-        n, _ = over_power(_exact("start.normal", start.normal))
+        n = _exact("start.normal", start.normal)
         if not any(n):
             raise ValueError("start.normal: must not be 0")
         to_object = _map("start.to_object", start.to_object)
-        scale, step, s = _from_center(n, None if to_object is None else _whole_inverse(to_object))
-        place, k = over_power([*center.tolist(), radius])
+        rows = None if to_object is None else to_object.tolist()
+        place = ExactSphere(center.tolist(), radius, rows).point(n)
     else:
-        place, k = over_power([*_exact("start", np.asarray(start, object).tolist()), 0.0])
-        scale, step, s = 1, (0, 0, 0), 0
-
-    def exact(rows: Ids, grid: int) -> tuple[Whole, SurdVector]:
-        one, (*center, radius) = ones(len(rows)), (c << (grid - k) for c in place)
-        parts = ((one * (c * scale), one * (radius * n)) for c, n in zip(center, step, strict=True))
-        x, y, z = (Surds(p, q, one * s) if s else Surds(p) for p, q in parts)
-        return one * scale, (x, y, z)
-
-    return Points(None, k, exact, np.full(count, -1))
+        place = ExactPoint.of(_exact("start", np.asarray(start, object).tolist()))
+    return Points(None, lambda i: place, np.full(count, -1))
 
 
 def _from_eye(origin: ArrayLike, direction: ArrayLike, centers: ArrayLike, radii: ArrayLike) -> tuple[Rays, Spheres]:
@@ -442,8 +349,9 @@ def closest_from(
     if shape[1:] != (3,) and shape != (0,):
         raise ValueError(f"direction: must have shape (n, 3), got {shape}")
     spheres, points = _spheres(centers, radii, to_object), _start(start, len(direction))
-    rays = along_numbers(points, [_exact("direction", row) for row in direction])
-    found = Kinds([spheres]).closest(replace(rays, t_min=t_min, t_max=t_max))
+    ways = [ExactPoint.of(_exact("direction", row)) for row in direction]
+    rays = Rays(None, lambda i: Line(points.place(i), ways[i]), points.own, t_min=t_min, t_max=t_max)
+    found = Kinds([spheres]).closest(rays)
     return found.item.astype(np.int32), found.rounded()
 
 
@@ -483,60 +391,49 @@ def lit(
     own, m = np.broadcast_to(hit_index, len(rays)), len(spheres.radii)
     if own.dtype.kind != "i" or not ((own >= 0) & (own < m)).all():
         raise ValueError(f"hit_index: must be the index of one of the {m} spheres, got {hit_index!r}")
-    side = _hit(rays, spheres, own)[1].side
-    shadow = to_light(on_hits(rays, spheres, own), where, kind == "parallel")
-    exact = shadow.exact(np.arange(len(own)), max(shadow.grid, spheres.grid))
-    f, w, _ = spheres.from_start(exact, own)
-    # From a light at a point they lead to P, so (C - P).(L - P) is w.w - f.w.
-    inwards = dot(f, w) if kind == "parallel" else dot(w, w) - dot(f, w)
-    facing = side * inwards.signs() > 0
+    points = on_hits(rays, spheres, own)
+    shadow, facing = to_light(points, where, kind == "parallel"), np.zeros(len(own), bool)
+    for i in range(len(own)):
+        side = _hit(rays.line(i), spheres.solid(int(own[i]))).side
+        outward, line = points.place(i) - spheres.solid(int(own[i])).center, shadow.line(i)
+        # A light at a point leads to P.
+        facing[i] = side * dot(outward.numbers, line.way).sign() * (1 if kind == "parallel" else -1) < 0
     return facing & ~Kinds([spheres]).blocked(shadow), facing
 
 
-def _hit(rays: Rays, spheres: Spheres, own: Ids) -> tuple[ExactRays, Roots]:
-    """The rays and where they meet these spheres, in whole numbers; ValueError if one does not."""
-    exact = rays.exact(np.arange(len(own)), max(rays.grid, spheres.grid))
-    roots = spheres.roots(exact, own, 0.0, np.inf)
-    if not roots.exists.all():
+def _hit(line: Line, sphere: ExactSphere) -> Root:
+    """Where a ray meets a sphere; ValueError if it does not."""
+    root = sphere.first(line, 0.0, np.inf)
+    if root is None:
         raise ValueError("the ray does not hit the sphere")
-    return exact, roots
+    return root
 
 
 def t_high(origin: ArrayLike, direction_row: ArrayLike, center: ArrayLike, radius: float, bits: int = 160) -> Fraction:
     """The hit's t with a relative error below 2^-bits, bits >= 1; ValueError if there is no hit."""
     if not is_whole(bits) or bits < 1:
         raise ValueError(f"bits: must be a whole number >= 1, got {bits!r}")
-    _, (_, roots), more = *_one(origin, direction_row, center, radius), 128
-    while (t := roots.between(0, more)) is None or (t.high - t.low) * 2**bits > t.low:
-        more *= 2
-    return t.low
+    return _one(origin, direction_row, center, radius)[1].value(bits)
 
 
-def _one(
-    origin: ArrayLike, direction_row: ArrayLike, center: ArrayLike, radius: float
-) -> tuple[Spheres, tuple[ExactRays, Roots]]:
-    """One ray and one sphere that it hits."""
+def _one(origin: ArrayLike, direction_row: ArrayLike, center: ArrayLike, radius: float) -> tuple[ExactSphere, Root]:
+    """A sphere, and where a ray hits it."""
     place, size = _ball(center, radius)
     row = array_of("direction_row", direction_row, 3)
     rays, spheres = _from_eye(origin, row[None], place[None], size)
-    return spheres, _hit(rays, spheres, np.zeros(1, np.int64))
+    return spheres.solid(0), _hit(rays.line(0), spheres.solid(0))
 
 
 def normal_high(
     origin: ArrayLike, direction_row: ArrayLike, center: ArrayLike, radius: float
 ) -> tuple[Fraction, Fraction, Fraction]:
-    """The outward unit normal (p - C) / r at the hit, each component to within 1e-50; ValueError if there is no hit.
-
-    a (p - C) = a (t d - f) = (b d - a f) + s d sqrt(D), to be divided by a r. sqrt(D) is cut k bits behind the point,
-    an error of |d| 2^-k / (a r) <= 2^-k.
-    """
-    spheres, (exact, roots) = _one(origin, direction_row, center, radius)
-    f, w, r = spheres.from_start(exact, np.zeros(1, np.int64))
-    a, b, D, s, k = roots.a.p[0], roots.b.p[0], roots.D.p[0], int(roots.side[0]), 180
-    rest = isqrt(D << 2 * k)
-    x, y, z = (
-        Fraction(((b * d.p[0] - a * g.p[0]) << k) + s * d.p[0] * rest, a * r[0] << k) for d, g in zip(w, f, strict=True)
-    )
+    """The outward unit normal (p - C) / r at the hit, each component to within 1e-50; ValueError if there is no hit."""
+    sphere, root = _one(origin, direction_row, center, radius)
+    from_center = root.point() - sphere.center
+    # Each component is p + q sqrt(D) over a number; twice as many bits as q and that have leave 180 behind the point.
+    bits = 180 + max(x.q.bit_length() for x in from_center.numbers)
+    r = Fraction(radius) * from_center.over
+    x, y, z = (part.between(bits).low / r for part in from_center.numbers)
     return x, y, z
 
 

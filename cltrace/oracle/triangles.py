@@ -1,35 +1,28 @@
-"""The exact oracle for triangles.
+"""Triangles as the oracle has them: what doubles know of rays and triangles.
 
-A ray and a triangle are what cltrace/reference/exact.py says of them. With X' = X - O for a start O and a corner X, a
-ray along w is on that side of an edge AB which is the sign of
+Two steps precede the exact engine, cltrace/exact/shapes.py. All triangles beside whose corners a ray passes are ruled
+out by their corners, as seen along the ray. Of the others, the determinants
 
-    E = w . (A' x B') = det(w, A', B'),    and if that is 0, of the first of the coordinates of A' x B' that is not.
+    E = w . (A' x B') = det(w, A', B')    and    D = det(A', B', C'),    with X' = X - O,
 
-It meets the triangle if all three E have the sign of D = det(A', B', C'), which is not 0, at t = D / (E + E + E) > 0.
-At equal t, that counts which the ray w + (e, e^2, e^3) meets first, for small e; in one plane, the lower surface, then
-the lower triangle. Towards a light at a point, it is the ray from the light that counts, up to t < 1.
-
-Three steps decide. All triangles beside whose corners a ray passes are ruled out by their corners, as seen along the
-ray. Of the others, the determinants are computed in doubles, with bounds of their errors. Where these leave a doubt,
-whole numbers do.
+are computed in doubles, with bounds of their errors. A ray from O along w meets the triangle if all three E have the
+sign of D, at t = D / (E + E + E).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.base.arithmetic import Floats, cross, dot, minus
+from cltrace.base.arithmetic import Floats, minus
 from cltrace.exact.fine import Fine, fine_vector
-from cltrace.exact.surds import Surds
-from cltrace.exact.whole import Signs, Whole, grid_of, whole
-from cltrace.oracle.rays import ExactRays, Ids, Points, Rays, SurdVector, columns, ones, rounded
-from cltrace.oracle.search import Hits, Kind, Roots
+from cltrace.exact.lines import ExactPoint
+from cltrace.exact.shapes import ExactTriangle
+from cltrace.oracle.rays import Ids, Points, Rays, rounded
+from cltrace.oracle.search import Hits, Kind
 from cltrace.scene import Scene
 
 U = 2.0**-53
@@ -60,10 +53,6 @@ class Triangles(Kind):
 
     def primitives(self) -> Ids:
         return self.primitive
-
-    @cached_property
-    def grid(self) -> int:  # type: ignore[override]
-        return grid_of(self.vertices)
 
     @property
     def extent(self) -> float:
@@ -134,50 +123,22 @@ class Triangles(Kind):
         t, error = t[kept], np.where(error[kept] < 2.0**-20, np.abs(t[kept]) * error[kept], np.inf)
         return Hits(ray[kept], item[kept], sure[kept], Fine(t, np.zeros(len(t)), error))
 
-    def roots(self, exact: ExactRays, item: Ids, t_min: float | Floats, t_max: float | Floats) -> Roots:
-        corners, scale = self.vertices[self.faces[item]], exact.scale
-        grid = exact.grid
-        A, B, C = (minus(columns(whole(corners[:, i], grid) * scale[:, None]), exact.start) for i in range(3))
-        edges = [cross(A, B), cross(B, C), cross(C, A)]
-        D = dot(A, edges[1])
-        side = D.signs()
-        volumes = [dot(exact.way, edge) for edge in edges]
-        signs = np.array([_first_sign((E, *edge)) for E, edge in zip(volumes, edges, strict=True)])
-        # They all are the sign of N.way, so t > 0 where that is the sign of D.
-        exists = (side != 0) & (signs == signs[0]).all(axis=0)
-        turn = np.where(signs[0] < 0, -1, 1).astype(object)
-        x, y, z = ((a + b + c) * turn for a, b, c in zip(*edges, strict=True))
-        a = (volumes[0] + volumes[1] + volumes[2]) * turn
-        zero = np.zeros(len(item), np.int64)
-        roots = Roots(
-            exists,
-            a,
-            D * turn,
-            zero,
-            D=Surds(zero.astype(object)),
-            normal=(x, y, z),
-            unit=exact.unit,
-            surface=self.surface[item],
-        )
-        ahead = np.all(t_min == 0) and np.all(t_max == np.inf)
-        return replace(roots, exists=exists & (side == signs[0] if ahead else roots.within(t_min, t_max)))
+    def solid(self, item: int) -> ExactTriangle:
+        return ExactTriangle(self.vertices[self.faces[item]].tolist())
 
 
 def on_triangles(triangles: Triangles, own: Ids, corner: Ids, uv: Floats) -> Points:
     """V + u (V' - V) + v (V'' - V) of the triangles `own`, (n,): V is that corner, V' and V'' the next ones."""
     V = [triangles.vertices[triangles.faces[own, (corner + i) % 3]] for i in range(3)]
-    fine = grid_of(uv)
 
-    def exact(rows: Ids, grid: int) -> tuple[Whole, SurdVector]:
-        a, b, c = (whole(corners[rows], grid) for corners in V)
-        weights = whole(uv[rows], fine)
-        place = (a << fine) + weights[:, :1] * (b - a) + weights[:, 1:] * (c - a)
-        return ones(len(rows)) << fine, columns(place)
+    def place(i: int) -> ExactPoint:
+        u, v = uv[i].tolist()
+        return triangles.solid(int(own[i])).point(int(corner[i]), u, v)
 
     e1, e2 = (minus(fine_vector(corners), fine_vector(V[0])) for corners in V[1:])
     u, v = (Fine.of(x.copy()) for x in uv.T)
     x, y, z = (u * p + v * q for p, q in zip(e1, e2, strict=True))
-    return Points((V[0], (x, y, z)), grid_of(*V), exact, own, Triangles)
+    return Points((V[0], (x, y, z)), place, own, Triangles)
 
 
 class _Double(NamedTuple):
@@ -196,14 +157,3 @@ def _det(u: Floats, v: Floats, w: Floats) -> Floats:
     return np.asarray(
         u[0] * (v[1] * w[2] - v[2] * w[1]) + u[1] * (v[2] * w[0] - v[0] * w[2]) + u[2] * (v[0] * w[1] - v[1] * w[0])
     )
-
-
-def _first_sign(values: Iterable[Surds]) -> Signs:
-    """The sign of the first of these that is not 0; later ones are only computed where some are."""
-    sign: Signs | None = None
-    for value in values:
-        sign = value.signs() if sign is None else np.where(sign == 0, value.signs(), sign)
-        if (sign != 0).all():
-            break
-    assert sign is not None
-    return sign

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.base.arithmetic import Floats
-from cltrace.exact.surds import signs_with_root, signs_with_roots
-from cltrace.exact.whole import Signs, Whole, grid_of, rounded, signs, whole
 from cltrace.rays.lines import Bools, Ids, Lines
+from cltrace.rays.numbers import Signs, Whole, grid_of, rounded, signs, signs_with_root, signs_with_roots, whole
 
 
 class Roots(NamedTuple):

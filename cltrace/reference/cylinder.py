@@ -115,13 +115,13 @@ class Tube:
         return sum((a * a for a in across), ZERO) > self.radius * self.radius * self.uu
 
 
-def _settled(x: Surd[Fraction], loose: float) -> Surd[Fraction]:
+def _settled(x: Surd, loose: float) -> Surd:
     """0 where it is no larger than that, else x."""
     far = Surd(Fraction(loose))
     return x if not loose or (x - far).sign() > 0 or (x + far).sign() < 0 else Surd(ZERO)
 
 
-def _flat(g: Surd[Fraction], h: Surd[Fraction], part: Part) -> Met:
+def _flat(g: Surd, h: Surd, part: Part) -> Met:
     """Where a line meets the plane g t = h: as a quadratic equation, (g t - h)^2 = 0, which has one root twice."""
     equation = Quadratic(g * g, g * h, h * h)
     return Met(Root(equation, equation.b.sign() or 1), part)

@@ -43,7 +43,7 @@ from cltrace.reference.vectors import Direction, Matrix
 ZERO = Fraction(0)
 
 
-Exact = Surd[Fraction]
+Exact = Surd
 Vector = tuple[Exact, Exact, Exact]
 Rational = tuple[Fraction, Fraction, Fraction]
 Rows = tuple[Rational, Rational, Rational]

@@ -13,8 +13,8 @@ from stress_cases import pairs_on_a_plane
 
 import cltrace
 from cltrace import Camera, Image, Material, Mesh, Orthographic, Scene
-from cltrace.exact.whole import over_power
-from cltrace.oracle.rays import Points, SurdVector, along_numbers, columns, ones
+from cltrace.exact.lines import ExactPoint, Line
+from cltrace.oracle.rays import Rays
 from cltrace.oracle.search import Kinds
 from cltrace.oracle.spheres import Spheres, to_world
 from cltrace.picture.image import Output
@@ -47,14 +47,9 @@ def starts(camera: Orthographic) -> dict[tuple[int, int], tuple[Fraction, ...]]:
 
 def closest(places: list[tuple[Fraction, ...]], w: list[Fraction], spheres: Spheres) -> tuple[np.ndarray, np.ndarray]:
     """The sphere that each ray from one of these places along w meets first, -1 for none, and t; by whole numbers."""
-    parts, power = over_power([x for place in places for x in place])
-    start = np.array(parts, object).reshape(-1, 3)
-
-    def exact(rows: np.ndarray, grid: int) -> tuple[np.ndarray, SurdVector]:
-        return ones(len(rows)), columns(start[rows] << (grid - power))
-
-    points = Points(None, power, exact, np.full(len(places), -1))
-    found = Kinds([spheres]).closest(along_numbers(points, [w] * len(places)))
+    starts, direction = [ExactPoint.of(place) for place in places], ExactPoint.of(w)
+    rays = Rays(None, lambda i: Line(starts[i], direction), np.full(len(places), -1))
+    found = Kinds([spheres]).closest(rays)
     return found.item, found.rounded()
 
 

@@ -160,9 +160,10 @@ def met(origin: Floats, d: Floats, scene: Scene) -> Floats:
     t = np.full(may.shape, np.inf)
     ray, sphere = np.nonzero(may)
     spheres = Spheres(center, radius, [None] * len(radius), np.arange(len(radius)))
-    roots = Kinds([spheres]).roots(along(at_point(origin, len(d)), d, np.eye(3)), ray, sphere)
-    there = np.flatnonzero(roots.exists)
-    t[ray[there], sphere[there]] = roots.at(there).rounded()
+    kinds, rays = Kinds([spheres]), along(at_point(origin, len(d)), d, np.eye(3))
+    for i, k in zip(ray.tolist(), sphere.tolist(), strict=True):
+        root = kinds.root(rays, i, k)
+        t[i, k] = np.inf if root is None else float(root)
     return t
 
 

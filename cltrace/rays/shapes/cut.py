@@ -9,9 +9,9 @@ import numpy as np
 
 from cltrace.base.arithmetic import Floats, Triple, cross, dot
 from cltrace.exact.fine import Fine, fine_vector
-from cltrace.exact.whole import whole
 from cltrace.rays.doubles import FLOOR, PER_OFF, norm1
 from cltrace.rays.lines import Bools, Ids, Lines, differences
+from cltrace.rays.numbers import whole
 from cltrace.rays.shapes.cylinder import Cylinders
 from cltrace.rays.shapes.shape import Points
 from cltrace.rays.whole import WholeRays

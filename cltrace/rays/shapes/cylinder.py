@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from cltrace.base.arithmetic import Floats, Triple, cross, dot
 from cltrace.exact.fine import Fine, fine_vector, select
-from cltrace.exact.whole import signs, whole
 from cltrace.rays.doubles import FLOOR, PER_OFF, Met, norm1
 from cltrace.rays.fine import Ends, sign_of, way_through
 from cltrace.rays.lines import Bools, Ids, Lines, differences
+from cltrace.rays.numbers import signs, whole
 from cltrace.rays.shapes.shape import Points, Shape
 from cltrace.rays.whole import Roots, WholeRays
 from cltrace.scene import Scene

@@ -8,10 +8,10 @@ import numpy as np
 
 from cltrace.base.arithmetic import Floats, cross, dot, inverses, product
 from cltrace.exact.fine import Fine, FineVector, fine_vector
-from cltrace.exact.whole import grid_of, whole
 from cltrace.rays.doubles import FLOOR, PER_OFF, Met, Range, norm1
 from cltrace.rays.fine import Ends, sign_of, way_through
 from cltrace.rays.lines import Ids, Lines, differences
+from cltrace.rays.numbers import grid_of, whole
 from cltrace.rays.shapes.shape import Shape, unit
 from cltrace.rays.whole import Roots, WholeRays
 from cltrace.scene import Scene

@@ -10,10 +10,10 @@ import numpy as np
 
 from cltrace.base.arithmetic import Floats, cross, dot
 from cltrace.exact.fine import Fine, FineVector, fine_vector
-from cltrace.exact.whole import Signs, Whole, signs, whole
 from cltrace.rays.doubles import FLOOR, PER_OFF, Met, Range, norm1
 from cltrace.rays.fine import Ends, sign_of
 from cltrace.rays.lines import Ids, Lines, differences
+from cltrace.rays.numbers import Signs, Whole, signs, whole
 from cltrace.rays.shapes.shape import Shape
 from cltrace.rays.whole import Roots, WholeRays
 from cltrace.scene import PlacedMesh, Scene

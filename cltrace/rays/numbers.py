@@ -5,7 +5,6 @@ In numpy, arrays of dtype object hold Python's integers; all else here is plain 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -16,19 +15,8 @@ Whole = NDArray[Any]  # of dtype object: Python's integers
 Signs = NDArray[np.int8]
 
 
-def sign(x: int | Fraction) -> int:
-    return (x > 0) - (x < 0)
-
-
 def signs(x: Whole | NDArray[np.int64]) -> Signs:
     return (x > 0).astype(np.int8) - (x < 0).astype(np.int8)
-
-
-def over_power(values: Sequence[float | Fraction]) -> tuple[tuple[int, ...], int]:
-    """Whole numbers n and the least k >= 0 with value = n / 2^k. A Fraction's denominator must be a power of two."""
-    ratios = [(v if isinstance(v, Fraction) else float(v)).as_integer_ratio() for v in values]
-    k = max((q.bit_length() - 1 for _, q in ratios), default=0)
-    return tuple(p << (k - q.bit_length() + 1) for p, q in ratios), k
 
 
 def grid_of(*arrays: ArrayLike) -> int:
@@ -58,3 +46,27 @@ def rounded(x: Fraction) -> float:
         return float(x)
     except OverflowError:
         return np.inf if x > 0 else -np.inf
+
+
+def signs_with_root(p: Any, q: Any, D: Any) -> Signs:
+    """The signs of p + q sqrt(D), D >= 0: arrays (n,) of whole numbers."""
+    first, second = signs(p), signs(q) * signs(D)
+    doubt, out = np.flatnonzero(first * second < 0), np.sign(first + second)
+    if len(doubt):
+        p, q, D = p[doubt], q[doubt], D[doubt]
+        out[doubt] = first[doubt] * signs(p * p - D * (q * q))
+    return out
+
+
+def signs_with_roots(p: Any, one: Any, D: Any, other: Any, E: Any) -> Signs:
+    """The signs of p + one sqrt(D) + other sqrt(E): arrays (n,) of whole numbers; one, other: of -1, 0 and 1.
+
+    Where x = p + one sqrt(D) and y = other sqrt(E) differ in sign, x^2 - y^2 is p^2 + D - E plus 2 one p sqrt(D).
+    """
+    first, second = signs_with_root(p, one, D), other * signs(E)
+    out: Signs = np.sign(first + second)
+    doubt = np.flatnonzero(first * second < 0)
+    if len(doubt):
+        p, D, E, one = p[doubt], D[doubt], E[doubt], one[doubt]
+        out[doubt] = first[doubt] * signs_with_root(p * p + D - E, p * (2 * one), D)
+    return out
