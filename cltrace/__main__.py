@@ -16,7 +16,7 @@ def _begin_cluster() -> None:
     if "--cluster local" in " ".join(sys.argv).replace("=", " "):
         from cltrace.process.forkserver import prepare
 
-        prepare("cltrace.distributed.workers")
+        prepare("cltrace.distributed.farm")
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import re
 import signal
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +17,10 @@ from cltrace.base.arrays import processors
 from cltrace.base.errors import DeviceError, MissingPackageError, UsageError
 from cltrace.base.waiting import Announcement
 from cltrace.cli.options import Tiles
-from cltrace.cli.output_files import targets_of
+from cltrace.cli.output_files import targets_of, write_rows
 from cltrace.cli.reporter import Reporter
 from cltrace.cli.scenes import scene_of
+from cltrace.plan.request import Request
 from cltrace.process.entry import imported
 from cltrace.process.forkserver import METHOD, prepare
 
@@ -39,24 +40,25 @@ SILENCE = 5.0  # seconds after which it is said that they are waited for
 # Loggers that would print what a command says in a line of its own, with tracebacks; each has a level of its own.
 TALKING = ("distributed", "distributed.client", "distributed.gc", "tornado.application", "asyncio")
 # What the processes of a local cluster import before they begin.
-WORKERS = "cltrace.distributed.workers"
+WORKERS = "cltrace.distributed.farm"
 
 
 def draw_tiles(work: Tiles, reporter: Reporter) -> int:
     """Draws one picture on a cluster, in tiles. Returns 0."""
     scene = scene_of(work.scene, reporter)
     (target,) = targets_of(scene, work, (".png",))
+    shown = {"show": work.look.show, "axes": work.look.axes(scene.camera)}
     how = work.drawing.renderer_options(work.look.outputs)
     how |= {"tiles": work.tiles, "device": work.drawing.device, "progress": reporter.progress}
+    height = Request(crop=work.drawing.crop).region_of(scene.camera.resolution)[3]
     with client_of(work.cluster) as client:
-        from cltrace.distributed import render
+        from cltrace.distributed import tiles_of
 
         try:
-            render(scene, client, target, shown=work.look.pixels(scene.camera), **how)
+            with closing(tiles_of(scene, client, **how)) as tiles:
+                write_rows(tiles, height, {target: shown})
         except ValueError as error:
             raise UsageError(str(error)) from None
-        except OSError as error:
-            raise UsageError(f"cannot write {target}: {error.strerror or error}") from None
     reporter.say(f"cltrace: wrote {target}, on the cluster {work.cluster}")
     return 0
 

@@ -7,16 +7,15 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from cltrace.base.errors import SceneError, UsageError
 from cltrace.cli.options import Movie, SceneOptions
 from cltrace.cli.output_files import check_target
 from cltrace.cli.reporter import Reporter
 from cltrace.cli.scenes import files_of, scene_of
-from cltrace.movie.animate import FPS, Target
-from cltrace.movie.frames import Frame, ahead, frames_of, orbit
-from cltrace.movie.names import MOVIES, Listed, Pattern, pattern_of
-from cltrace.movie.pipeline import Each, FrameRenderer, OnDevice, Shown
+from cltrace.movie.animate import FPS, Each, FrameFiles, FrameRenderer, on_device
+from cltrace.movie.frames import MOVIES, Frame, Pattern, frames_of, orbit, pattern_of
 from cltrace.picture.files import Inputs
 from cltrace.process.console import tell
 from cltrace.scene import AnyCamera, Scene
@@ -80,13 +79,13 @@ class _Work:
         # Fingerprints of files that are there have the depth twice.
         options = drawing.renderer_options((*look.outputs, *look.scale))
         if self.movie.cluster is None:
-            return OnDevice(drawing.device, options, self.each)
+            return on_device(drawing.device, options)
         from cltrace.cli.cluster import client_of
 
         client = self._begun.enter_context(client_of(self.movie.cluster))
-        from cltrace.distributed.frames import OnCluster
+        from cltrace.distributed import on_cluster
 
-        return OnCluster(client, drawing.device, options)
+        return on_cluster(client, drawing.device, options)
 
     def check_names(self) -> None:
         """Raises UsageError where -o makes no sense, or two scenes have the same name."""
@@ -107,11 +106,12 @@ class _Work:
 
     def draw_scenes(self) -> None:
         """One picture of each scene."""
-        names = Listed({})
-        target = Target(names, skip_existing=self.movie.skip_existing, inputs=self.inputs)
-        self._write(target, ahead(self._scenes(names)), len(self.picked(len(self.movie.scenes), "scenes")))
+        names: dict[int, str] = {}
+        how: dict[str, Any] = {"skip_existing": self.movie.skip_existing, "inputs": self.inputs, "each": self.each}
+        files = FrameFiles(names.__getitem__, **how)
+        self._write(files, self._scenes(names), len(self.picked(len(self.movie.scenes), "scenes")))
 
-    def _scenes(self, names: Listed) -> Iterator[Frame]:
+    def _scenes(self, names: dict[int, str]) -> Iterator[Frame]:
         """The scenes that can be read, whose pictures get their names."""
         for number in self.picked(len(self.movie.scenes), "scenes"):
             asked = self.movie.scenes[number]
@@ -121,11 +121,11 @@ class _Work:
             path, output = asked.path, self.movie.output
             name = scene.output_file if output is None else pattern_of(output, Path(path).stem, frames=False).of(0)
             check_target(name, "output_file" if output is None else "-o", self.inputs)
-            if name in names.names.values():
+            if name in names.values():
                 raise UsageError(
                     f"{path}: output_file: another scene has {name}, too; -o '{{}}.png' takes scenes' names"
                 )
-            names.names[number] = name
+            names[number] = name
             yield Frame(number, scene)
 
     def picked(self, count: int, what: str) -> range:
@@ -138,7 +138,8 @@ class _Work:
     def draw_orbits(self) -> None:
         """Frames around each scene."""
         taken: set[str] = set()
-        for path, scene in ahead((asked.path, self._read(asked)) for asked in self.movie.scenes):
+        for asked in self.movie.scenes:
+            path, scene = asked.path, self._read(asked)
             if scene is None:
                 continue
             pattern = self.pattern(scene, path)
@@ -147,12 +148,13 @@ class _Work:
                     f"{path}: another scene has {pattern.text}, too; -o '{{}}%04d.png' takes scenes' names"
                 )
             taken.add(pattern.text)
-            target = Target(pattern, self.movie.fps or FPS, self.movie.skip_existing, self.inputs)
+            how: dict[str, Any] = {"skip_existing": self.movie.skip_existing, "inputs": self.inputs, "each": self.each}
+            files = FrameFiles(pattern.of, pattern.suffix, self.movie.fps or FPS, **how)
             cameras = self.cameras(scene)
             if pattern.suffix == ".mp4":
                 self._tell_even(scene)
             chosen = self.movie.frames or slice(None)
-            self._write(target, frames_of(cameras, scene, chosen), len(self.picked(len(cameras), "frames")))
+            self._write(files, frames_of(cameras, scene, chosen), len(self.picked(len(cameras), "frames")))
 
     def cameras(self, scene: Scene) -> list[AnyCamera]:
         """Those of --orbit."""
@@ -180,16 +182,16 @@ class _Work:
             self.status = error.exit_code
             return None
 
-    def _write(self, target: Target, frames: Iterator[Frame], count: int) -> None:
+    def _write(self, files: FrameFiles, frames: Iterator[Frame], count: int) -> None:
         """Draws frames, and says what was written, also where a fault ends that."""
         look = self.movie.look
-        shown = Shown((look.show, look.space), lambda image, scene: look.pixels(scene.camera)(image))
+        how: dict[str, Any] = {"look": (look.show, look.space), "progress": self.reporter.progress, "total": count}
         try:
-            names = target.write(frames, self.renderer, shown, progress=self.reporter.progress, total=count)
+            names = files.write(frames, self.renderer, lambda i, scene: look.pixels(scene.camera)(i), **how)
         except Exception:
-            self._tell(target.written, 0)
+            self._tell(files.written, 0)
             raise
-        self._tell(names, target.kept)
+        self._tell(names, files.kept)
 
     def _tell(self, names: list[str], there: int) -> None:
         """Says which pictures there are, of which so many were there already."""

@@ -347,7 +347,7 @@ class _Given:
 
     def _check_movie(self, output: str | None) -> None:
         """Raises UsageError for options that do not go with many pictures, or with each other."""
-        from cltrace.movie.names import MOVIES
+        from cltrace.movie.frames import MOVIES
 
         args = self._args
         single = None if args.view and len(args.scenes) == 1 else self._first(ONE)

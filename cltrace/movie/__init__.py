@@ -1,5 +1,5 @@
-"""Many pictures: frames of a movie, as files or as one file. It stands above the front door.
+"""Many pictures: frames of a movie, as files or as one file.
 
-frames says what each frame shows, names where it goes, fingerprint whether a file is what it would be; pipeline hands
-frames out, draws them and takes pictures in, encoders and video write, and animate strings all together.
+frames says what each frame shows and how its file is called, fingerprint whether a file shows that already, writers
+writes files, and animate draws.
 """

@@ -1,68 +1,284 @@
-"""Draws the frames of a movie, into files or as an iterator: what a frame shares with the one before it is kept.
+"""Draws the frames of a movie, into files or as an iterator.
 
-While the kernel draws a frame, one thread prepares the next one and others write the last ones, so that each of these
-costs time only where it takes longer than the kernel. Few frames are in memory at a time, however many there are.
+While the kernel draws a frame, one thread prepares the next one and others encode and write the last ones, so that
+each of these costs time only where it takes longer than the kernel. Few frames are in memory at a time.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sized
-from contextlib import closing
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sized
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, closing
+from copy import copy
 from functools import partial
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any, overload
+from typing import Any, NamedTuple, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.base.arrays import processors
 from cltrace.base.progress import bar
-from cltrace.movie.encoders import Apng, Drawn, Encoder, Gif, PngFiles, Writer
-from cltrace.movie.fingerprint import shows
-from cltrace.movie.frames import Frame, frames_of
-from cltrace.movie.names import MOVIES, Listed, Pattern, pattern_of
-from cltrace.movie.pipeline import COLORS, Each, FrameRenderer, OnDevice, Shown, draw_on
+from cltrace.movie.fingerprint import Fingerprints, shows
+from cltrace.movie.frames import MOVIES, Frame, frames_of, pattern_of
+from cltrace.movie.writers import find_ffmpeg, movie_writer, write_frame
 from cltrace.picture.files import Inputs
 from cltrace.picture.image import Image
-from cltrace.plan.request import Crop
-from cltrace.run.devices import Device
+from cltrace.renderers.renderer import Renderer, default_precision
+from cltrace.run.devices import Device, choose
 from cltrace.scene import AnyCamera, Scene
 
 FPS = 25.0
+Pixels = NDArray[np.uint8]
+# What is called with the number of a frame and its Image, see draw_on().
+Each = Callable[[int, Image], Any]
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+
+def in_order(
+    tasks: Iterable[Task], begin: Callable[[Task], Callable[[], Result]], room: Callable[[], int]
+) -> Generator[tuple[Task, Result], None, None]:
+    """Yields each task with its result, in order. At most room() tasks, and at least one, are on their way.
+
+    begin: begins a task, and returns what waits for its result. The thread that asks for results takes the tasks.
+    Where the iterable of tasks raises an error, the tasks before it are done first.
+    """
+    iterator, waiting = iter(tasks), deque[tuple[Task, Callable[[], Result]]]()
+    more, fault = True, None
+    while more or waiting:
+        while more and len(waiting) < max(1, room()):
+            try:
+                task = next(iterator)
+            except StopIteration:
+                more = False
+            except Exception as error:
+                more, fault = False, error
+            else:
+                waiting.append((task, begin(task)))
+        if waiting:
+            task, result = waiting.popleft()
+            yield task, result()
+    if fault:
+        raise fault
+
+
+class FrameRenderer(NamedTuple):
+    """What makes images of frames: a device of this machine, or a cluster.
+
+    images: yields each frame with its image, in order, and ends what is on its way when it is closed; options: of
+    Renderer, with the precision that is used; devices: their names; place: the same in words, for messages.
+    """
+
+    images: Callable[[Iterable[Frame]], Generator[tuple[Frame, Image], None, None]]
+    options: Mapping[str, Any]
+    devices: str
+    place: str
+
+    @property
+    def how(self) -> str:
+        return f"{self.options['precision']} precision, on {self.place}"
+
+
+def on_device(device: str | Device | None, options: Mapping[str, Any]) -> FrameRenderer:
+    """Draws on a device of this machine. Raises DeviceError if there is no such device."""
+    chosen = device if isinstance(device, Device) else choose(device)
+    how = {**options, "precision": options.get("precision") or default_precision(chosen)}
+
+    def images(frames: Iterable[Frame]) -> Generator[tuple[Frame, Image], None, None]:
+        last: Renderer | None = None
+
+        def prepared(frame: Frame) -> Renderer:
+            nonlocal last
+            renderer = last.following(frame.scene) if last else Renderer(frame.scene, chosen, **how)
+            last = copy(renderer)  # which has a lock of its own, so it does not wait until this frame is drawn
+            return renderer
+
+        pool = ThreadPoolExecutor(1)
+        try:
+            for frame, renderer in in_order(frames, lambda frame: pool.submit(prepared, frame).result, lambda: 2):
+                yield frame, renderer.render(progress=False)
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)  # the thread may still compile
+
+    return FrameRenderer(images, how, chosen.name, chosen.name)
+
+
+def draw_on(image: Image, number: int, each: Each) -> None:
+    """Lets a function draw on the image of a frame.
+
+    What the function returns, if that is not None, replaces the picture: what numpy takes for (h, w, 3) or (h, w, 4)
+    uint8 of the same size. Raises ValueError for anything else.
+    """
+    found = each(number, image)
+    if found is None:
+        return
+    size, pixels = np.asarray(image).shape[:2], np.asarray(found)
+    if pixels.dtype != np.uint8 or pixels.shape not in ((*size, 3), (*size, 4)):
+        wanted = f"None or uint8 of shape {(*size, 3)} or {(*size, 4)}"
+        raise ValueError(f"each: must return {wanted}, returned {pixels.dtype} of shape {pixels.shape}")
+    image.rgb8 = np.array(pixels[..., :3])
+    if "rgba8" in image.outputs:
+        del image.rgba8
+    if pixels.shape[2] == 4:
+        image.rgba8 = np.array(pixels)
+
+
+def colors(image: Image, scene: Scene) -> Pixels:
+    """The pixels of an image that a movie shows unless it is told otherwise."""
+    return np.asarray(image)
+
+
+class FrameFiles:
+    """The files of frames: a PNG for each, or a movie of all.
+
+    name_of: the file of a frame, by its number; suffix: ".png", or the one of a movie; inputs: files that no frame may
+    replace, in addition to those of the scenes. fps, skip_existing, each: see animate(). kept: how many files were
+    there already; written: the names of the PNGs that were not, and are now. Raises ValueError for what makes no sense,
+    and MissingPackageError for an MP4 without ffmpeg.
+    """
+
+    def __init__(
+        self,
+        name_of: Callable[[int], str],
+        suffix: str = ".png",
+        fps: float = FPS,
+        skip_existing: bool = False,
+        inputs: Inputs | None = None,
+        each: Each | None = None,
+    ) -> None:
+        if isinstance(fps, bool) or not isinstance(fps, (int, float)) or not 0.001 <= fps <= 1000:
+            raise ValueError(f"fps: must be a number within 0.001..1000, got {fps!r}")
+        if skip_existing and suffix in MOVIES:
+            raise ValueError("skip_existing: is for frames of files of their own, as a movie is whole or not there")
+        if skip_existing and each:
+            raise ValueError("skip_existing: does not go with each, as no file says what that has drawn")
+        if suffix == ".mp4":
+            find_ffmpeg()
+        self._name_of, self._movie, self._fps = name_of, suffix in MOVIES, fps
+        self._skip_existing, self._each, self._inputs = skip_existing, each, inputs or Inputs()
+        self.written, self.kept = list[str](), 0
+
+    def write(
+        self,
+        frames: Iterable[Frame],
+        renderer: FrameRenderer,
+        pixels_of: Callable[[Image, Scene], Pixels] = colors,
+        look: object = "",
+        progress: bool | None = None,
+        total: int | None = None,
+    ) -> list[str]:
+        """Draws the frames and writes them. Returns the names of the files, those that were kept among them.
+
+        pixels_of: what of an image is shown; look: tells that from other ways to show images; progress, total: see
+        bar().
+        """
+        # In single precision, the device decides some bits.
+        device = renderer.devices if renderer.options["precision"] == "single" else ""
+        marks = Fingerprints({**renderer.options, "device": device, "look": look})
+        names: list[str] = []
+
+        def wanted() -> Iterator[Frame]:
+            for frame in frames:
+                names.append(self._name_of(frame.number))
+                if self._skip_existing and shows(Path(names[-1]), marks.of(frame.scene)):
+                    self.kept += 1
+                    done.update()
+                    continue
+                self._inputs.add(frame.scene.source.files if frame.scene.source else ())
+                self._inputs.check(names[-1], "output")
+                yield frame
+
+        def pictures() -> Iterator[tuple[int, Pixels, Callable[[], str] | None]]:
+            for frame, image in drawn:
+                if self._each:
+                    draw_on(image, frame.number, self._each)
+                mark = None if self._movie or self._each else partial(marks.of, frame.scene)
+                yield frame.number, pixels_of(image, frame.scene), mark
+
+        with bar(total, "frame", progress) as done, closing(renderer.images(wanted())) as drawn:
+            self._store(pictures(), done)
+        return names[:1] if self._movie else names
+
+    def join(self, names: Iterable[Any], progress: bool | None = None, total: int | None = None) -> list[str]:
+        """Makes a movie of pictures that are there. Returns its name. Raises TypeError for what is no name."""
+        from PIL import Image as Picture
+
+        if not self._movie:
+            raise ValueError(f"output: of files the frames make one, whose name ends in {', '.join(MOVIES)}")
+
+        def pictures() -> Iterator[tuple[int, Pixels, None]]:
+            for number, name in enumerate(names):
+                if not isinstance(name, (str, os.PathLike)):
+                    raise TypeError(f"frames[{number}]: must be the name of a picture, as the first one, got {name!r}")
+                self._inputs.add([Path(name)])
+                self._inputs.check(self._name_of(0), "output")
+                with Picture.open(name) as picture:
+                    pixels = np.array(picture.convert("RGBA" if picture.has_transparency_data else "RGB"))
+                if self._each:
+                    image = Image(rgba8=pixels) if pixels.shape[2] == 4 else Image(rgb8=pixels)
+                    draw_on(image, number, self._each)
+                    pixels = np.asarray(image)
+                yield number, pixels, None
+
+        with bar(total, "frame", progress) as done:
+            self._store(pictures(), done)
+        return [self._name_of(0)]
+
+    def _store(self, pictures: Iterator[tuple[int, Pixels, Callable[[], str] | None]], done: Any) -> None:
+        """Encodes pictures in several threads, and writes them in order in another one.
+
+        pictures: of each its number, pixels and what makes its fingerprint, if the file is to have one. Raises
+        ValueError for a picture of a movie that has another size than the first.
+        """
+        first = next(pictures, None)
+        if first is None:
+            return
+        shape = first[1].shape
+
+        def encoded(picture: tuple[int, Pixels, Callable[[], str] | None]) -> Any:
+            number, pixels, mark = picture
+            if writer is None:
+                return write_frame(self._name_of(number), pixels, mark)
+            if pixels.shape != shape:
+                (high, wide, channels), (h, w, n) = shape, pixels.shape
+                wanted, got = f"{wide}x{high} pixels of {channels} channels", f"{w}x{h} of {n}"
+                raise ValueError(f"frames[{number}]: must have {wanted}, as the first one of the movie, got {got}")
+            return writer.encode(pixels)
+
+        with ExitStack() as stack:
+            writer = None
+            if self._movie:
+                writer = stack.enter_context(movie_writer(Path(self._name_of(0)), self._fps, shape[1::-1]))
+            put = writer.put if writer else self.written.append
+            last, encoders = ThreadPoolExecutor(1), ThreadPoolExecutor(processors())
+            for pool in (last, encoders):
+                stack.callback(pool.shutdown, cancel_futures=True)
+            all_encoded = in_order(
+                chain([first], pictures), lambda one: encoders.submit(encoded, one).result, processors
+            )
+            for _ in in_order(all_encoded, lambda pair: last.submit(put, pair[1]).result, processors):
+                done.update()
+
+
+Item = Scene | AnyCamera | Mapping[str, Any]
+Name = str | os.PathLike[str]
 
 
 @overload
-def animate(
-    frames: Iterable[Scene | AnyCamera | Mapping[str, Any]],
-    output: None = None,
-    *,
-    scene: Scene | None = None,
-    device: str | Device | None = None,
-    each: Each | None = None,
-    progress: bool | None = None,
-    **options: Any,
-) -> Iterator[Image]: ...
+def animate(frames: Iterable[Item], output: None = None, **options: Any) -> Iterator[Image]: ...
 
 
 @overload
-def animate(
-    frames: Iterable[Scene | AnyCamera | Mapping[str, Any] | str | os.PathLike[str]],
-    output: str | os.PathLike[str],
-    *,
-    scene: Scene | None = None,
-    device: str | Device | None = None,
-    each: Each | None = None,
-    fps: float = FPS,
-    skip_existing: bool = False,
-    progress: bool | None = None,
-    **options: Any,
-) -> list[str]: ...
+def animate(frames: Iterable[Item | Name], output: Name, **options: Any) -> list[str]: ...
 
 
 def animate(
-    frames: Iterable[Scene | AnyCamera | Mapping[str, Any] | str | os.PathLike[str]],
-    output: str | os.PathLike[str] | None = None,
+    frames: Iterable[Item | Name],
+    output: Name | None = None,
     *,
     scene: Scene | None = None,
     device: str | Device | None = None,
@@ -72,201 +288,86 @@ def animate(
     progress: bool | None = None,
     **options: Any,
 ) -> Iterator[Image] | list[str]:
-    """Draws frames: into files, or as an iterator of Images where there is no output.
+    """Draw frames, into files or as an iterator of images.
 
-    frames: an iterable of what each frame shows: a Scene; a Camera, which looks at what was there before; or a dict of
-    the arguments of Renderer.update(), and "camera", that changes what was there before. scene: what there is before
-    the first frame, not needed if that is a Scene. cltrace.orbit() makes cameras. Or the names of pictures that are
-    there, such as PNGs, all of one size, of which a movie is made.
+    Parameters
+    ----------
+    frames : iterable
+        What each frame shows: a Scene; a Camera, which looks at what was there before; or a dict of the arguments of
+        Renderer.update(), and "camera", that changes what was there before. `cltrace.orbit` makes cameras. Or the names
+        of pictures, such as PNGs, all of one size, of which a movie is made.
+    output : path, optional
+        "frame%04d.png", where %04d is the number of the frame, from 0; a folder that is there; or the name of a movie,
+        which ends in .mp4 (with the extra `movie`), .gif or .apng. Without it, the images are returned.
+    scene : Scene, optional
+        What there is before the first frame. It is not needed if the first frame is a Scene.
+    device : str or Device, optional
+        As for Renderer.
+    each : callable, optional
+        Called with the number of each frame and its Image, in order. It may draw on the arrays of the image, or return
+        another picture, as an array (h, w, 3) or (h, w, 4) of uint8 or an image of Pillow: a time stamp, a colour bar.
+    fps : float
+        Frames a second of a movie.
+    skip_existing : bool
+        Whether a PNG that is there is kept if it shows the frame. Each PNG says so itself, by a hash of all that the
+        scene consists of, the options, and the version, but not where `each` has drawn.
+    progress : bool, optional
+        Whether tqdm shows a progress bar; by default on terminals and in notebooks, if tqdm is installed.
+    **options
+        Of Renderer, such as precision and crop.
 
-    each: a function that is called with the number of each frame and its Image, in order. It may draw on the arrays of
-    the image, or return another picture, as an array (h, w, 3) or (h, w, 4) of uint8 or an image of Pillow: a time
-    stamp, a colour bar.
+    Returns
+    -------
+    iterator of Image, or list of str
+        The images, or the names of the files. Each file is there as a whole or not at all.
 
-    output: "frame%04d.png", where %04d is the number of the frame, from 0, or a folder that is there; or the name of a
-    movie, which ends in .mp4 (with the extra `movie`), .gif or .apng. fps: frames a second of a movie. Returns the
-    names of the files. skip_existing: whether a PNG that is there is kept if it shows the frame. Each says so itself,
-    by a hash of all that the scene consists of, the options, and the version, but not where `each` has drawn.
-
-    device and options, such as precision and crop: see Renderer. progress: see docs/movies.md.
-
-    Raises TypeError and ValueError for what is not allowed, MissingPackageError for an extra that is missing, OSError
-    if a file cannot be written, and what Renderer raises. Each file is there as a whole or not at all.
+    Raises
+    ------
+    TypeError, ValueError
+        For what is not allowed.
+    MissingPackageError
+        If an extra is missing.
+    OSError
+        If a file cannot be written.
     """
+    total = len(frames) if isinstance(frames, Sized) else None
     if output is None:
         if skip_existing:
             raise ValueError("skip_existing: there is nothing to skip without an output")
-        return _images(frames_of(frames, scene), partial(OnDevice, device, options, each), progress, _length(frames))
+        return _images(frames_of(frames, scene), partial(on_device, device, options), each, progress, total)
+    files = files_of(output, fps, skip_existing, each)
+    items: Iterable[Any] = frames
+    if isinstance(frames, Iterable) and not isinstance(frames, (Mapping, str, os.PathLike)):
+        iterator = iter(frames)
+        begin = list(islice(iterator, 1))
+        items = chain(begin, iterator)
+        if begin and isinstance(begin[0], (str, os.PathLike)):
+            return files.join(items, progress, total)
+    return files.write(frames_of(items, scene), on_device(device, options), progress=progress, total=total)
+
+
+def files_of(output: Name, fps: float, skip_existing: bool, each: Each | None) -> FrameFiles:
+    """The files of animate(). Raises ValueError, and FileNotFoundError without a folder for them."""
     try:
         pattern = pattern_of(os.fspath(output), "frame", frames=True)
     except ValueError as error:
         raise ValueError(f"output: {error}") from None
-    target = Target(pattern, fps, skip_existing, each=each)
     folder = Path(pattern.of(0)).parent
     if not folder.is_dir():
         raise FileNotFoundError(f"output: there is no folder {str(folder)!r}; mkdir() of a Path makes one")
-    total, (names, items) = _length(frames), _names_first(frames)
-    if names:
-        return target.join(items, progress=progress, total=total)
-    renderer = OnDevice(device, options, each)
-    return target.write(frames_of(items, scene), renderer, progress=progress, total=total)
-
-
-def _names_first(frames: Any) -> tuple[bool, Any]:
-    """Whether frames begin with the name of a file, and all of them. What cannot be frames is left to frames_of()."""
-    if isinstance(frames, (Mapping, str, os.PathLike)) or not isinstance(frames, Iterable):
-        return False, frames
-    items = iter(frames)
-    first = list(islice(items, 1))
-    return bool(first) and isinstance(first[0], (str, os.PathLike)), chain(first, items)
+    return FrameFiles(pattern.of, pattern.suffix, fps, skip_existing, each=each)
 
 
 def _images(
-    frames: Iterator[Frame], renderer: Callable[[], OnDevice], progress: bool | None, total: int | None
+    frames: Iterator[Frame],
+    renderer: Callable[[], FrameRenderer],
+    each: Each | None,
+    progress: bool | None,
+    total: int | None,
 ) -> Iterator[Image]:
-    with (
-        closing(renderer().images(frames)) as drawn,
-        bar(total, "frame", bool(progress)) as shown,
-    ):
-        for _, image in drawn:
+    with closing(renderer().images(frames)) as drawn, bar(total, "frame", bool(progress)) as shown:
+        for frame, image in drawn:
+            if each:
+                draw_on(image, frame.number, each)
             yield image
             shown.update()
-
-
-def _length(frames: object) -> int | None:
-    return len(frames) if isinstance(frames, Sized) else None
-
-
-class Target:
-    """Where frames go, and how: see animate(). kept: how many files were there already; written: the PNGs that were
-    not, and are now; inputs: files that no frame may replace, beside those of the scenes; each: see draw_on().
-
-    Raises ValueError for what makes no sense.
-    """
-
-    def __init__(
-        self,
-        pattern: Pattern | Listed,
-        fps: float = FPS,
-        skip_existing: bool = False,
-        inputs: Inputs | None = None,
-        each: Each | None = None,
-    ) -> None:
-        if isinstance(fps, bool) or not isinstance(fps, (int, float)) or not 0.001 <= fps <= 1000:
-            raise ValueError(f"fps: must be a number within 0.001..1000, got {fps!r}")
-        if skip_existing and pattern.suffix in MOVIES:
-            raise ValueError("skip_existing: is for frames of files of their own, as a movie is whole or not there")
-        if skip_existing and each:
-            raise ValueError("skip_existing: does not go with each, as no file says what that has drawn")
-        self.each = each
-        self.pattern, self.fps, self.skip_existing, self.kept = pattern, fps, skip_existing, 0
-        self._inputs, self.written = inputs or Inputs(), list[str]()
-
-    def write(
-        self,
-        frames: Iterable[Frame],
-        renderer: FrameRenderer,
-        shown: Shown = COLORS,
-        *,
-        progress: bool | None = None,
-        total: int | None = None,
-    ) -> list[str]:
-        """Has the frames drawn and writes them. Returns the names of the files, those that were kept among them.
-
-        progress, total: of bar().
-        """
-        crop, marks = renderer.crop, renderer.marks(shown)
-        names: list[str] = []
-        numbered = self.pattern.suffix not in MOVIES
-        with bar(total, "frame", progress) as done:
-
-            def wanted() -> Iterator[Frame]:
-                for frame in frames:
-                    names.append(self.pattern.of(frame.number))
-                    if self.skip_existing and shows(Path(names[-1]), marks.of(frame.scene)):
-                        self.kept += 1
-                        done.update()
-                    else:
-                        self._check_name(names[-1], frame.scene)
-                        yield frame
-
-            todo = wanted()
-            first = next(todo, None)
-            if first is None:
-                return names
-            size = _size(first.scene, crop)
-            todo = chain([first], todo if numbered else _alike(todo, size, crop))
-            with Writer(self._encoder(size)) as writer, closing(renderer.pictures(todo, shown)) as drawn:
-                for frame, pixels in drawn:
-                    mark = partial(marks.of, frame.scene) if numbered and not self.each else None
-                    writer.add(Drawn(frame.number, pixels, mark))
-                    done.update()
-        return names if numbered else names[:1]
-
-    def join(self, files: Iterable[Any], progress: bool | None = None, total: int | None = None) -> list[str]:
-        """Makes a movie of pictures that are there, by their names. Returns the movie's.
-
-        progress, total: of bar(). Raises TypeError for what is no name, and ValueError for a picture of another size
-        than the first.
-        """
-        if self.pattern.suffix not in MOVIES:
-            raise ValueError(f"output: of files the frames make one, whose name ends in {', '.join(MOVIES)}")
-        pictures = ((number, self._read(number, name)) for number, name in enumerate(files))
-        first = next(pictures)
-        size = first[1].shape[:2]
-        with bar(total, "frame", progress) as done, Writer(self._encoder((size[1], size[0]))) as writer:
-            for number, pixels in chain([first], pictures):
-                if pixels.shape[:2] != size:
-                    here, there = (f"{shape[1]}x{shape[0]}" for shape in (pixels.shape, size))
-                    raise ValueError(f"frames[{number}]: must be {there} pixels, as the first one, got {here}")
-                writer.add(Drawn(number, pixels))
-                done.update()
-        return [self.pattern.of(0)]
-
-    def _read(self, number: int, name: Any) -> NDArray[np.uint8]:
-        """The picture of this file, with what `each` draws on it."""
-        from PIL import Image as Picture
-
-        if not isinstance(name, (str, os.PathLike)):
-            raise TypeError(f"frames[{number}]: must be the name of a picture, as the first one, got {name!r}")
-        self._inputs.add([Path(name)])
-        self._inputs.check(self.pattern.of(0), "output")
-        with Picture.open(name) as picture:
-            pixels = np.array(picture.convert("RGBA" if picture.has_transparency_data else "RGB"))
-        if self.each:
-            image = Image(rgba8=pixels) if pixels.shape[2] == 4 else Image(rgb8=pixels)
-            draw_on(image, number, self.each)
-            pixels = np.asarray(image)
-        return pixels
-
-    def _check_name(self, name: str, scene: Scene) -> None:
-        """Raises UsageError where a frame would replace what it or one before it is made from."""
-        self._inputs.add(scene.source.files if scene.source else ())
-        self._inputs.check(name, "output")
-
-    def _encoder(self, size: tuple[int, int]) -> Encoder:
-        """What writes frames of so many pixels, (width, height). Raises MissingPackageError and OSError."""
-        if self.pattern.suffix not in MOVIES:
-            return PngFiles(self.pattern.of, self.written)
-        path = Path(self.pattern.of(0))
-        if self.pattern.suffix == ".mp4":
-            from cltrace.movie.video import Mp4
-
-            return Mp4(path, self.fps, size)
-        return (Gif if self.pattern.suffix == ".gif" else Apng)(path, self.fps)
-
-
-def _size(scene: Scene, crop: Crop | None) -> tuple[int, int]:
-    """(width, height) of a scene's picture, in pixels."""
-    return scene.camera.resolution if crop is None else (crop[2] - crop[0], crop[3] - crop[1])
-
-
-def _alike(frames: Iterable[Frame], size: tuple[int, int], crop: Crop | None) -> Iterator[Frame]:
-    """The frames. Raises ValueError for one that is of another size."""
-    for frame in frames:
-        found = _size(frame.scene, crop)
-        if found != size:
-            raise ValueError(
-                f"frames[{frame.number}]: must be {size} pixels, as the first one of the movie, got {found}"
-            )
-        yield frame

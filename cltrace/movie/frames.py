@@ -1,17 +1,18 @@
-"""What the frames of a movie show."""
+"""What the frames of a movie show, which of them are picked, and how their files are called."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Generator, Iterable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple, TypeVar
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cltrace.picture.files import is_named_as_folder
 from cltrace.scene import AnyCamera, Camera, Orthographic, Scene, with_spheres
 from cltrace.scene.rules import LARGEST, Vector, is_whole, vector
 
@@ -23,9 +24,10 @@ CHANGES = (
 )
 # Digits of a frame's number, so that no counting goes on for ever.
 RANGE = re.compile(r"([0-9]{0,9})(?::([0-9]{0,9}))?(?::([0-9]{0,9}))?")
-
-
-T = TypeVar("T")
+# The number of a frame in the name of its file.
+NUMBER = re.compile(r"%(0[1-9])?d")
+# Formats of one file for all frames.
+MOVIES = (".mp4", ".gif", ".apng")
 
 
 class Frame(NamedTuple):
@@ -61,18 +63,6 @@ def frames_of(items: Iterable[object], scene: Scene | None = None, select: slice
             yield Frame(number, scene)
     if number < 0:
         raise ValueError("frames: must be at least one, got none")
-
-
-def ahead(items: Iterator[T]) -> Generator[T, None, None]:
-    """The same items, none of them None; a thread makes each while the one before it is used."""
-    pool = ThreadPoolExecutor(1)
-    try:
-        job = pool.submit(next, items, None)
-        while (item := job.result()) is not None:
-            job = pool.submit(next, items, None)
-            yield item
-    finally:  # not waiting for an item that nobody will use
-        pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _after(scene: Scene | None, item: object) -> Scene:
@@ -143,3 +133,56 @@ def range_of(text: str) -> slice:
     if start is not None and stop is not None and stop <= start:
         raise ValueError(f"must pick a frame, got {text!r}")
     return slice(start, stop, step)
+
+
+class Pattern(NamedTuple):
+    """The name of a file, or of as many as there are frames.
+
+    text: in which %04d, or another number of digits, stands for a frame's number, and %% for a percent sign.
+    """
+
+    text: str
+
+    @property
+    def numbered(self) -> bool:
+        """Whether each frame has a file of its own."""
+        return NUMBER.search(self.text.replace("%%", "")) is not None
+
+    @property
+    def suffix(self) -> str:
+        """Of the file, in small letters."""
+        return Path(self.text).suffix.lower()
+
+    def of(self, number: int) -> str:
+        """The name of the file of a frame."""
+        parts = self.text.split("%%")
+        return "%".join(NUMBER.sub(lambda match: match.group() % number, part) for part in parts)
+
+
+def pattern_of(output: str, stem: str, frames: bool) -> Pattern:
+    """What a user's output means.
+
+    output: a name with %04d where there are frames, or a movie's; {} in it is the stem of the scene's name; a folder
+    gets files of the stem's name. frames: whether there may be more than one frame. Raises ValueError, in words that
+    belong behind the option's name.
+    """
+    if not output:
+        raise ValueError("must not be empty")
+    output = output.replace("{}", stem.replace("%", "%%") if frames else stem)
+    if Path(output).is_dir() or is_named_as_folder(output):
+        output = str(Path(output, f"{stem.replace('%', '%%')}%04d.png" if frames else f"{stem}.png"))
+    if not frames:
+        return Pattern(output.replace("%", "%%"))
+    pattern = Pattern(output)
+    count = len(NUMBER.findall(output.replace("%%", "")))
+    if count > 1 or len(NUMBER.sub("", output.replace("%%", "")).split("%")) > 1:
+        raise ValueError(
+            f"must have one %d or %04d for the number of a frame, and %% for a percent sign, got {output!r}"
+        )
+    if pattern.suffix in MOVIES and count:
+        raise ValueError(f"a movie is one file, and its name has no number, got {output!r}")
+    if pattern.suffix == ".png" and not count:
+        raise ValueError(f"must have a %04d for the number of a frame, such as frame%04d.png, got {output!r}")
+    if pattern.suffix not in (*MOVIES, ".png"):
+        raise ValueError(f"the name of frames must end in .png, of a movie in {', '.join(MOVIES)}, got {output!r}")
+    return pattern

@@ -26,8 +26,8 @@ distributed = pytest.importorskip("distributed")
 cloudpickle = pytest.importorskip("cloudpickle")
 dask = pytest.importorskip("dask")
 
-from cltrace.distributed import FarmError, animate, render, render_farm  # noqa: E402
-from cltrace.distributed.workers import draw  # noqa: E402
+from cltrace.distributed import FarmError, animate, farm, render  # noqa: E402
+from cltrace.distributed.farm import draw  # noqa: E402
 from cltrace.run import executor  # noqa: E402
 
 # Processes are started, which takes seconds. Of what dask leaves open, nothing is ours.
@@ -62,8 +62,8 @@ def no_port() -> Iterator[None]:
 def test_a_cluster_without_workers_is_waited_for_aloud(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(render_farm, "SILENCE", 0.2)
-    monkeypatch.setattr(render_farm, "ALONE", 1.0)
+    monkeypatch.setattr(farm, "SILENCE", 0.2)
+    monkeypatch.setattr(farm, "ALONE", 1.0)
     with (
         distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=":0") as cluster,
         distributed.Client(cluster) as client,
@@ -108,20 +108,13 @@ def test_frames_are_those_of_one_process(client: Any, tmp_path: Path) -> None:
     assert (tmp_path / "one.apng").read_bytes() == (tmp_path / "many.apng").read_bytes()
 
 
-@pytest.mark.parametrize(("path", "tiles"), [(FILE, None), (FILE, 1), (FILE, 5), (FILE, 500), (MESHES, 5)])
-def test_tiles_are_one_picture(
-    client: Any, tmp_path: Path, path: Path, tiles: int | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Whether a worker packs all of it once, or each tile."""
+@pytest.mark.parametrize(("path", "tiles"), [(FILE, None), (FILE, 1), (FILE, 500), (MESHES, 5)])
+def test_tiles_are_one_picture(client: Any, path: Path, tiles: int | None) -> None:
     scene, outputs = small(path=path), ("rgb8", "color", "id")
     image = render(scene, client, tiles=tiles, outputs=outputs, crop=(7, 3, 90, 69))
     want = cltrace.render(scene, outputs=outputs, crop=(7, 3, 90, 69))
     for name in outputs:
         assert np.array_equal(getattr(image, name), getattr(want, name)), name
-    monkeypatch.setattr("cltrace.distributed.tiles.ONCE", 0)
-    cltrace.render(scene, outputs=outputs).save(tmp_path / "one.png")
-    render(scene, client, tmp_path / "many.png", tiles=tiles, outputs=outputs)
-    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "many.png").read_bytes()
 
 
 def test_a_transparent_background(client: Any) -> None:
@@ -167,15 +160,15 @@ def noted(*what: Any) -> Any:
 
 
 def fail(*_: object) -> None:
-    raise render_farm.WorkerError("no room (on host, process 5)")
+    raise farm.WorkerError("no room (on host, process 5)")
 
 
 def test_what_fails_again_and_again_is_named(client: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(render_farm, "draw", fail)
+    monkeypatch.setattr(farm, "draw", fail)
     with pytest.raises(FarmError, match=r"^frame 0: no room \(on host, process 5\)$"):
         animate(cltrace.orbit(small(), 3), client, tmp_path / "f%d.png", scene=small())
     with pytest.raises(FarmError, match=r"^rows 0 to 15: no room"):
-        render(small(), client, tmp_path / "x.png", tiles=3)
+        render(small(), client, tiles=3)
     monkeypatch.undo()
     assert not list(tmp_path.iterdir())
     assert np.array_equal(render(small(), client).rgb8, cltrace.render(small()).rgb8)
@@ -188,11 +181,11 @@ def limited(seconds: float, tries: str = "") -> None:
 
 def test_what_is_too_slow_is_not_tried_again(client: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As it would be so on each worker; and it is the error of one process."""
-    monkeypatch.setattr(render_farm, "draw", noted)
+    monkeypatch.setattr(farm, "draw", noted)
     client.run(limited, 0, str(tmp_path / "tries"))
     try:
         with pytest.raises(cltrace.TooSlowError, match=r"^drawing takes longer than 0 s; lower the resolution"):
-            render(small(), client, tmp_path / "x.png", tiles=1)
+            render(small(), client, tiles=1)
     finally:
         client.run(limited, 1000)
     assert (tmp_path / "tries").read_text() == "."
@@ -201,21 +194,20 @@ def test_what_is_too_slow_is_not_tried_again(client: Any, tmp_path: Path, monkey
 
 def test_what_kills_its_workers_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a cluster of its own, which may have no worker in the end."""
-    monkeypatch.setattr(render_farm, "draw", die)
-    monkeypatch.setattr(render_farm, "ALONE", 5.0)
+    monkeypatch.setattr(farm, "draw", die)
+    monkeypatch.setattr(farm, "ALONE", 5.0)
     with (
         distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0") as cluster,
         distributed.Client(cluster) as client,
         pytest.raises(FarmError, match=r"^rows 0 to 71: workers have died"),
     ):
-        render(small(), client, tmp_path / "x.png", tiles=1)
+        render(small(), client, tiles=1)
     assert not list(tmp_path.iterdir())
 
 
-def test_arguments(client: Any, tmp_path: Path) -> None:
+def test_arguments(client: Any) -> None:
     for how, message in [
         ({"tiles": 0}, "tiles: must be a whole number >= 1, got 0"),
-        ({"output": "x.gif"}, "output: must end in .png, got 'x.gif'"),
         ({"crop": (0, 0, 97, 1)}, "crop: must be within 0,0,96,72"),
     ]:
         with pytest.raises(ValueError, match=message):
