@@ -77,7 +77,7 @@ static void illuminate(const Scene *scene, const int number, const Intersection 
     if (HAS(WITH_BLACK)) lit = lit & !at.black;
     COUNT(FACING_AWAY, at.hit & !lit);
     if (!ANY(lit)) return;
-    const ShadowRay ray = shadow_ray_to(scene, number, is_at_point(light, kind), direction.w, own);
+    const ShadowRay ray = shadow_ray_to(scene, number, is_at_point(kind), direction.w, own);
     lit = cast_shadow_ray(scene, ray, at.start, lit, &lighting->rays, work);
     if (!ANY(lit)) return;
     MARK(mark, lit, own, ~number);

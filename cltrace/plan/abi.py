@@ -173,8 +173,7 @@ COUNTERS = {
     "SAMPLED": "pixels that have all samples, as the rays through their corners do not agree",
 }
 
-# The kinds of lights that are traced, by their numbers. Each has a file of its own in kernels/lights/, with functions
-# named after it, and a flag WITH_<KIND>. ASK_LIGHT() of the header calls that one of them which a light's kind has.
+# The kinds of lights that are traced, by their numbers <KIND>_LIGHT in kernels/lights.cl. Each has a flag WITH_<KIND>.
 LIGHT_KINDS = ("parallel", "point", "spot", "lambert")
 
 
@@ -639,21 +638,10 @@ def arguments_of(features: frozenset[str]) -> list[Argument]:
 
 
 def _light_kinds() -> list[str]:
-    """The numbers of the kinds of lights, how many of them a scene has, and the macro that asks a light's kind.
-
-    ASK_LIGHT(kind, question(...)) is what the function <kind>_question(...) returns. Where a scene has one kind only,
-    that is a direct call, and kinds that it does not have are not asked for.
-    """
-    has = [f"HAS(WITH_{kind.upper()})" for kind in LIGHT_KINDS]
-    asked = f"{LIGHT_KINDS[-1]}_##question"
-    for i, kind in reversed(list(enumerate(LIGHT_KINDS[:-1]))):
-        last = f"{' + '.join(has[i + 1 :])} == 0"
-        asked = f"{has[i]} && ({last} || (kind) == {i}) ? {kind}_##question : {asked}"
-    return [
-        f"#define KINDS_OF_LIGHTS ({' + '.join(has)})",
-        f"#define ONLY_KIND_OF_LIGHTS ({' + '.join(f'{i} * {flag}' for i, flag in enumerate(has))})",
-        f"#define ASK_LIGHT(kind, question) ({asked})",
-    ]
+    """The numbers of the kinds of lights, and how many of them a scene has."""
+    numbers = [f"#define {kind.upper()}_LIGHT {i}" for i, kind in enumerate(LIGHT_KINDS)]
+    has = " + ".join(f"HAS(WITH_{kind.upper()})" for kind in LIGHT_KINDS)
+    return [*numbers, f"#define KINDS_OF_LIGHTS ({has})"]
 
 
 def _shapes() -> list[str]:

@@ -1,0 +1,134 @@
+/* lights.cl: the kinds of lights, LIGHT_KINDS of cltrace/plan/abi.py, and the way from a point of a surface to one.
+ *
+ * A parallel light is infinitely far away, as the sun all but is. Its `position` is the unit vector towards it, and its
+ * `axis` and `across` are unit vectors across that. All other lights are at a point, `position`, in camera space. A
+ * point light shines in all directions alike. A spot light shines into a cone around `axis` only: its strength is 1 up
+ * to the angle alpha1 from there, and falls linearly with the angle to 0 at alpha2. A lambert light is at a point of a
+ * flat lamp, across `axis`, and its strength is the cosine of the angle from there.
+ */
+
+/* A light as it is seen from the points that were hit. */
+typedef struct {
+    Real3 w;     /* from the point to the light; to a parallel light a vector of length 1 */
+    REAL cosine; /* of the angle between w and the outward normal, times |w| */
+} Direction;
+
+/* A shadow ray, from a point P of a surface to a light, and where it is in the light's lists. Lengths that are FLOAT,
+ * and `from`, are in the float buffers' unit. */
+typedef struct {
+    int number;   /* the light's index in the buffers */
+    INT own;      /* the index of the surface that P is on */
+    int at_point; /* whether the light is at a point; else it is parallel */
+    Real3 w;      /* from P to the light; to a parallel light a vector of length 1 */
+    Float3 w32;   /* the same in the float buffers' unit; a parallel light's has length 1 here, too */
+    FLOAT a;      /* |w32|^2 */
+    /* Known once cast_shadow_ray() has asked the light: */
+    Real3 from;  /* from the light to P, times 2^80 if `touches`; of a parallel light: P itself */
+    FLOAT u, v;  /* of a parallel light: the coordinates of P across it */
+    FLOAT depth; /* P's place in the depth order: |P - L|^2; of a parallel light: -P.l, with l the unit vector to it */
+    int touches; /* whether some lit P is so near the light that float32 cannot tell the direction between them */
+} ShadowRay;
+
+/* What the kinds of lights ask of a start: a point P of a surface. support_of(): how far the plane across its normal is
+ * from its centre; point_of(): P itself, rounded, in camera space. */
+#define support_of(start) (HAS(WITH_SHAPES) ? (start).support : (start).own.r)
+
+#if REAL_BYTES == 8
+static Real3 point_of(const Start start) {
+    const Real3 C = start.own.center, p = start.p;
+    const Real3 P = {C.x + p.x, C.y + p.y, C.z + p.z};
+    return P;
+}
+
+/* The scalar product of the outward normal n and the way w from P to L, by way of the centre: n.p = r exactly, or of an
+ * ellipsoid n.p = support. */
+static REAL cosine_towards(const Start start, const Real3 n, const Real3 L, const Real3 w) {
+    const Real3 C = start.own.center;
+    const Real3 h = {L.x - C.x, L.y - C.y, L.z - C.z};
+    return DOT(n, h) - support_of(start);
+}
+#else
+static Real3 point_of(const Start start) {
+    const Real3 C = start.own.center, p = start.p;
+    const Real3 P = {start.near_eye ? start.from_eye.x : C.x + p.x, start.near_eye ? start.from_eye.y : C.y + p.y,
+                     start.near_eye ? start.from_eye.z : C.z + p.z};
+    return P;
+}
+
+/* The same in float, where what is near the eye is better known from there. */
+static REAL cosine_towards(const Start start, const Real3 n, const Real3 L, const Real3 w) {
+    const Real3 C = start.own.center;
+    const Real3 h = {L.x - C.x, L.y - C.y, L.z - C.z};
+    return start.near_eye ? DOT(n, w) : DOT(n, h) - support_of(start);
+}
+#endif
+
+/* Whether a light is of a kind. Compilers leave out what no light of the scene needs. */
+#define IS_LIGHT(kind, NAME) (HAS(WITH_##NAME) && (KINDS_OF_LIGHTS == 1 || (kind) == NAME##_LIGHT))
+
+/* Which kind a light is. So one loop over all lights can call illuminate() from one place, where it is inlined:
+ * otherwise compilers copy an Intersection for each call, which took a fifth of the time. */
+static int kind_of(const Light light) {
+    return (int)light.color.w;
+}
+
+/* Whether it is at a point, where its rays end; if not, they are parallel. */
+static int is_at_point(const int kind) {
+    return !IS_LIGHT(kind, PARALLEL);
+}
+
+/* From a point of a surface to the light. n: the outward unit normal there. */
+static Direction direction_to(const Light light, const int kind, const Real3 n, const Start start) {
+    const Real3 L = {light.position.x, light.position.y, light.position.z};
+    Direction direction;
+    direction.w = is_at_point(kind) ? towards(start, L) : L;
+    direction.cosine = is_at_point(kind) ? cosine_towards(start, n, L, direction.w) : DOT(n, L);
+    return direction;
+}
+
+/* Whether the light shines along -w at all. w: from the point to the light, of any length. */
+static MASK reaches(const Light light, const int kind, const Real3 w) {
+    if (IS_LIGHT(kind, SPOT)) return TO_MASK(-DOT(w, light.axis) >= light.axis.w * sqrt(DOT(w, w)));
+    if (IS_LIGHT(kind, LAMBERT)) return TO_MASK(-DOT(w, light.axis) > 0);
+    return ALL_LANES;
+}
+
+/* The share of the light that leaves along -l. l: the unit vector from the point to the light. */
+static SHADE strength_of(const Light light, const int kind, const Shade3 l) {
+    const Shade3 axis = {(shade_t)light.axis.x, (shade_t)light.axis.y, (shade_t)light.axis.z};
+    if (IS_LIGHT(kind, SPOT) && light.cone.y > 0) {
+        const Shade3 cross = {axis.y * l.z - axis.z * l.y, axis.z * l.x - axis.x * l.z, axis.x * l.y - axis.y * l.x};
+        const REAL turns = turns_of(TO_REAL(sqrt(DOT(cross, cross))), TO_REAL(-DOT(axis, l)));
+        const SHADE angle = TO_SHADE(turns * TURN);
+        const SHADE fall = 1 - (angle - light.cone.x) * light.cone.y;
+        return fall < 1 ? (fall > 0 ? fall : (SHADE)0) : (SHADE)1;
+    }
+    if (IS_LIGHT(kind, LAMBERT)) {
+        const SHADE cosine = -DOT(axis, l);
+        return cosine > 0 ? cosine : (SHADE)0;
+    }
+    return 1;
+}
+
+/* Puts in where a shadow ray is in the light's lists of what may stop it. Those of a light at a point are of cells of
+ * directions from it, in the order of distances; those of a parallel light are of cells across it, in the order of how
+ * far what they name reaches towards it. lit: the lanes whose rays are cast. */
+static void find_lists(const Scene *scene, const Start start, const MASK lit, ShadowRay *ray) {
+    const Light light = scene->light[ray->number];
+    if (is_at_point(kind_of(light))) {
+        ray->touches = ANY(lit & (ray->a < 0x1p-40f));
+        const real lift = scene->unit * (real)(ray->touches ? 0x1p80f : 1.0f);
+        ray->from.x = -ray->w.x * lift;
+        ray->from.y = -ray->w.y * lift;
+        ray->from.z = -ray->w.z * lift;
+        ray->depth = ray->a;
+        return;
+    }
+    const Real3 P = point_of(start);
+    ray->from.x = P.x * scene->unit;
+    ray->from.y = P.y * scene->unit;
+    ray->from.z = P.z * scene->unit;
+    ray->u = TO_FLOAT(DOT(ray->from, light.axis) + light.axis.w);
+    ray->v = TO_FLOAT(DOT(ray->from, light.across) + light.across.w);
+    ray->depth = -TO_FLOAT(DOT(ray->from, light.position) + light.position.w);
+}
