@@ -19,11 +19,10 @@ from cltrace.plan.bounces import NO_BOUNCES, Bounces
 from cltrace.plan.dropping import brightest
 from cltrace.plan.lights import useful_lights
 from cltrace.plan.materials import Materials
-from cltrace.plan.order import spatial_order
 from cltrace.plan.paths import Paths
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array, Ints, Mask
-from cltrace.plan.shapes.shape import OrderOf, Shape, share
+from cltrace.plan.shapes.shape import Shape, share
 from cltrace.plan.shapes.table import SHAPES
 from cltrace.plan.textures import NO_TEXTURES, Textures
 from cltrace.scene import AMBIENT, Scene, Vector
@@ -75,17 +74,15 @@ class World:
         return np.asarray(bounce[self.material_of, 1] == 0) if len(bounce) else np.ones(len(self.id), bool)
 
     @classmethod
-    def of(
-        cls, scene: Scene, request: Request, before: Before | None = None, order_of: OrderOf = spatial_order
-    ) -> World:
+    def of(cls, scene: Scene, request: Request, before: Before | None = None) -> World:
         """The world of a scene. Many surfaces are sorted by place, so that neighbours are near each other in memory.
 
         before: a world of another scene with as many meshes, for the same request; it says what is kept, which besides
-        is the spheres' order, if it is still good. order_of: what finds the order that spatial_order() does.
+        is the spheres' order, if it is still good.
         """
         old = before.world.shapes if before else (None,) * len(SHAPES)
         known = [(before.scene, shape) if before and shape else None for shape in old]
-        shapes = tuple(row.of(scene, request, one, order_of) for row, one in zip(SHAPES, known, strict=True))
+        shapes = tuple(row.of(scene, request, one) for row, one in zip(SHAPES, known, strict=True))
         # The number and the place of each surface are those that they were.
         same = before.world if before and all(a is b for a, b in zip(shapes, old, strict=True)) else None
         materials, of = _materials(scene, request, shapes, before)

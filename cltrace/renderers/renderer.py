@@ -28,7 +28,7 @@ from cltrace.plan.view import View
 from cltrace.plan.world import Before, World
 from cltrace.run.devices import Device, check_process, choose
 from cltrace.run.executor import Executor, Frame, Made, bytes_a_pixel
-from cltrace.run.pack.packers import Packer, loading, order_on, packer_of
+from cltrace.run.pack.packers import Packer, loading, packer_of
 from cltrace.run.trial import check_driver
 from cltrace.scene import AnyCamera, Scene, share_all_but_camera, with_spheres
 
@@ -130,8 +130,7 @@ class Renderer:
         start = time.perf_counter()
         self._lock = threading.Lock()
         wait = loading(scene, self.request, self.device)
-        order_of = order_on(self.device, len(scene.columns), self.precision)
-        self._world = World.of(scene, self.request, None, order_of)
+        self._world = World.of(scene, self.request)
         wait()
         self.scene = scene
         self._see(start)
@@ -262,11 +261,11 @@ class Renderer:
             check_driver(device, other.width)
         same_precision = request.precision == self.precision
         if not same_precision or not shared:
-            old, n = self.scene, len(scene.columns)
+            old = self.scene
             alike = (len(old.meshes), bool(old.textures)) == (len(scene.meshes), bool(scene.textures))
             alike = alike and same_precision and request.outputs == self.request.outputs
             before = Before(old, self._world) if alike else None
-            other._world = World.of(scene, request, before, order_on(device, n, request.precision))
+            other._world = World.of(scene, request, before)
         other._see(start, self)
         return other
 

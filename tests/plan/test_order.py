@@ -7,8 +7,6 @@ import pytest
 
 from cltrace.plan import order
 from cltrace.plan.order import order_of_rows, spatial_order, step
-from cltrace.run.devices import Device
-from cltrace.run.pack.sphere_order import Order
 
 
 @pytest.mark.parametrize("processors", [1, 2, 7])
@@ -52,22 +50,3 @@ def test_rows_are_in_the_order_of_a_curve(together: int, processors: int, monkey
     monkeypatch.setattr(order, "processors", lambda: processors)
     found = order_of_rows(place.astype(np.float64), which)
     assert np.array_equal(found, np.argsort(code[which], kind="stable"))
-
-
-@pytest.mark.parametrize("points", ["apart", "in pairs", "in one place", "in a plane", "far apart"])
-def test_a_device_finds_the_same_order(device: Device, points: str) -> None:
-    sort, rng = Order.on(device, "accurate"), np.random.default_rng(5)
-    if sort is None:
-        pytest.skip("numpy sorts for this device")
-    for n in (1, 2, 1000, 30_011):
-        center = rng.normal(size=(n, 3))
-        if points == "in pairs":
-            center[n // 2 :] = center[: n - n // 2]
-        if points == "in one place":
-            center[:] = 1
-        if points == "in a plane":
-            center[:, 1] = -0.0
-        if points == "far apart":
-            center *= 10 ** rng.uniform(-300, 308, (n, 1)) / 10
-        for places in (center, center.astype(np.float32)) if points != "far apart" else (center,):
-            assert np.array_equal(sort(places), spatial_order(places)), (n, places.dtype)

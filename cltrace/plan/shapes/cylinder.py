@@ -15,11 +15,11 @@ from cltrace.base.arithmetic import cross
 from cltrace.base.arrays import blockwise
 from cltrace.plan.accel.capsules import Capsules
 from cltrace.plan.lights import AtPoint, Lamp, Parallel
-from cltrace.plan.order import MANY
+from cltrace.plan.order import MANY, spatial_order
 from cltrace.plan.paths import Paths
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array, Ints, Mask, along, rotated
-from cltrace.plan.shapes.shape import Arrays, InView, OrderOf, Shape, Sights, share
+from cltrace.plan.shapes.shape import Arrays, InView, Shape, Sights, share
 from cltrace.scene import AnyCamera, Scene
 
 FLAGS = {"WITH_SHAPES": "shape", "WITH_PLACED": "shape"}
@@ -48,14 +48,14 @@ class Cylinders(Shape):
     words: ClassVar[str] = "cylinders"
 
     @classmethod
-    def of(cls, scene: Scene, request: Request, before: tuple[Scene, Cylinders] | None, order_of: OrderOf) -> Cylinders:
+    def of(cls, scene: Scene, request: Request, before: tuple[Scene, Cylinders] | None) -> Cylinders:
         if before and share(before[0], scene, "cylinders", "cuts"):
             return before[1]
         of, cuts = scene.cylinders, scene.cuts
 
         def order(places: Array) -> Ints:
             by_place = len(places) >= MANY and "order" not in request.keep
-            return order_of(places) if by_place else np.arange(len(places), dtype=np.int32)
+            return spatial_order(places) if by_place else np.arange(len(places), dtype=np.int32)
 
         row, row_of_cuts = order(of["start"] / 2 + of["end"] / 2), order(cuts["center"])
         of, cuts = of.take(row), cuts.take(row_of_cuts)

@@ -19,7 +19,7 @@ from cltrace.plan.order import MANY
 from cltrace.plan.paths import Paths
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array, Ints, rotated
-from cltrace.plan.shapes.shape import Arrays, InView, OrderOf, Shape, Sights, share
+from cltrace.plan.shapes.shape import Arrays, InView, Shape, Sights, share
 from cltrace.plan.shapes.triangle import Floats, Sides, Triangles, along_light, from_point
 from cltrace.scene import AnyCamera, Scene
 
@@ -36,7 +36,7 @@ class Meshes(Shape):
     words: ClassVar[str] = "triangles"
 
     @classmethod
-    def of(cls, scene: Scene, request: Request, before: tuple[Scene, Meshes] | None, order_of: OrderOf) -> Meshes:
+    def of(cls, scene: Scene, request: Request, before: tuple[Scene, Meshes] | None) -> Meshes:
         sided = bool(scene.meshes) and may_bounce(scene, request)
         # What knows the triangles' fronts does for a scene that needs none, too.
         if before and share(before[0], scene, "meshes") and before[1].triangles.sided >= sided:

@@ -18,7 +18,6 @@ from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array, Ints, Mask
 from cltrace.scene import AnyCamera, Scene
 
-OrderOf = Callable[[NDArray[Any]], Ints]
 Arrays = dict[str, NDArray[Any]]
 
 
@@ -75,9 +74,8 @@ class Shape(ABC):
 
     @classmethod
     @abstractmethod
-    def of(cls, scene: Scene, request: Request, before: tuple[Scene, Self] | None, order_of: OrderOf) -> Self:
-        """Those of a scene. before: another scene, and its surfaces, which are returned if they are the same ones;
-        order_of: see World.of()."""
+    def of(cls, scene: Scene, request: Request, before: tuple[Scene, Self] | None) -> Self:
+        """Those of a scene. before: another scene, and its surfaces, which are returned if they are the same ones."""
 
     @property
     def left_out(self) -> int:

@@ -15,12 +15,12 @@ from cltrace.plan.accel.discs import Discs
 from cltrace.plan.accel.silhouettes import LOOSE, Silhouettes
 from cltrace.plan.culling import hidden, repeated
 from cltrace.plan.lights import AtPoint, Lamp, Parallel
-from cltrace.plan.order import MANY, gathered, step
+from cltrace.plan.order import MANY, gathered, spatial_order, step
 from cltrace.plan.paths import Paths
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array, Ints, Mask, U, along, rotated, rounded_down, rounded_up, squared_length
 from cltrace.plan.shapes.ellipsoid import Maps
-from cltrace.plan.shapes.shape import Arrays, InView, OrderOf, Shape, Sights, share
+from cltrace.plan.shapes.shape import Arrays, InView, Shape, Sights, share
 from cltrace.plan.space import Space
 from cltrace.scene import OTHER_FIELDS, AnyCamera, Scene
 
@@ -47,9 +47,9 @@ class Spheres(Shape):
     words: ClassVar[str] = "spheres"
 
     @classmethod
-    def of(cls, scene: Scene, request: Request, before: tuple[Scene, Spheres] | None, order_of: OrderOf) -> Spheres:
+    def of(cls, scene: Scene, request: Request, before: tuple[Scene, Spheres] | None) -> Spheres:
         columns = scene.columns
-        row, far, by_place, center, radius = _places(scene, request, before, order_of)
+        row, far, by_place, center, radius = _places(scene, request, before)
         if before and share(before[0], scene, "columns.to_object", "to_object", *OTHER_FIELDS):
             known = before[1]
             if known.center is center and known.radius is radius:
@@ -86,7 +86,7 @@ class Spheres(Shape):
 
 
 def _places(
-    scene: Scene, request: Request, before: tuple[Scene, Spheres] | None, order_of: OrderOf
+    scene: Scene, request: Request, before: tuple[Scene, Spheres] | None
 ) -> tuple[Ints, float, bool, Array, Array]:
     """row and step of Spheres, whether neighbours are near each other, center and radius. The rest is of Shape.of()."""
     columns = scene.columns
@@ -100,7 +100,7 @@ def _places(
         if by_place and center is not known.center and step(center) > WORSE * far:
             row = None
     if row is None or center is None:
-        row = order_of(columns.center) if by_place else np.arange(n, dtype=np.int32)
+        row = spatial_order(columns.center) if by_place else np.arange(n, dtype=np.int32)
         center = gathered(columns.center, row, (n, 3), np.float64)
         far = step(center) if by_place else 0.0
     if old and known and old.radius is columns.radius and row is known.row:

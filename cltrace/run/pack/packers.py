@@ -7,9 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
 from cltrace.plan.abi import Precision
-from cltrace.plan.order import spatial_order
 from cltrace.plan.request import Request
-from cltrace.plan.shapes.shape import OrderOf
 from cltrace.plan.view import View
 from cltrace.plan.world import World
 from cltrace.run.devices import Device
@@ -58,18 +56,6 @@ class NumpyPacker:
     def view(self, world: World, camera: AnyCamera, keep: bool = True) -> tuple[View, dict[str, Any]]:
         """See Packer."""
         return View.of(world, camera, self._request), {}
-
-
-def order_on(device: Device, n: int, precision: Precision) -> OrderOf:
-    """What finds the order in memory of n spheres: the device if they are many, else numpy.
-
-    Raises what packer_of() does.
-    """
-    if n <= MANY:
-        return spatial_order
-    from cltrace.run.pack.sphere_order import Order
-
-    return Order.on(device, precision) or spatial_order
 
 
 def loading(scene: Scene, request: Request, device: Device) -> Callable[[], None]:

@@ -22,7 +22,7 @@ EdgeType = type[np.float32] | type[np.float64]
 # The files of every program, and those that only one has whose discs have edges in float, or in double; and of the
 # former that only one has which packs doubles.
 COMMON = ("packet.cl", "abi", "pairs.cl", "pack/sums.cl", "pack/rows.cl", "pack/space.cl", "pack/tiles.cl")
-OF_FLOAT = ("pack/eye.cl", "pack/cells.cl", "pack/facets.cl", "pack/polygons.cl", "pack/order.cl")
+OF_FLOAT = ("pack/eye.cl", "pack/cells.cl", "pack/facets.cl", "pack/polygons.cl")
 OF_DOUBLE = ("pack/along.cl",)
 TO_DOUBLE = ("pack/behind.cl",)
 # Vectors in memory begin at multiples of their size.
