@@ -33,7 +33,7 @@ _NAMES = {
     ),
     "cltrace.explanation.explanation": ("Explanation",),
     "cltrace.explanation.pixel": ("explain",),
-    "cltrace.formats.xml_reader": ("load",),
+    "cltrace.formats.reader": ("load",),
     "cltrace.movie.animate": ("animate",),
     "cltrace.movie.frames": ("orbit",),
     "cltrace.picture.colorbar": ("colorbar",),
@@ -79,7 +79,7 @@ if TYPE_CHECKING:
     from cltrace.base.errors import UsageError as UsageError
     from cltrace.explanation.explanation import Explanation as Explanation
     from cltrace.explanation.pixel import explain as explain
-    from cltrace.formats.xml_reader import load as load
+    from cltrace.formats.reader import load as load
     from cltrace.movie.animate import animate as animate
     from cltrace.movie.frames import orbit as orbit
     from cltrace.picture.colorbar import colorbar as colorbar

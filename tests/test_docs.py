@@ -31,7 +31,7 @@ from cltrace.base.limits import (
     TEXTURE_BYTES,
 )
 from cltrace.bench import cli as bench
-from cltrace.formats import xml_checks
+from cltrace.formats import checks
 from cltrace.students.check import DEFAULT_PIXELS, DEFAULT_TESTS
 
 PROSE = [*FILES, ROOT / "CHANGELOG.md"]
@@ -81,7 +81,7 @@ def test_limits_and_names_are_those_of_the_code() -> None:
         assert f"| {row} |" in texts["format.md"]
     assert SCENE_BYTES == TEXTURE_BYTES
     assert f"after {MAX_UNREADABLE:,} that cannot be read" in texts["format.md"]
-    assert f"{1 / xml_checks.MAX_SIZE:.2g}..{xml_checks.MAX_SIZE:.2g}".replace("e+", "e") in texts["format.md"]
+    assert f"{1 / checks.MAX_SIZE:.2g}..{checks.MAX_SIZE:.2g}".replace("e+", "e") in texts["format.md"]
     assert f"{DEFAULT_PIXELS:,} pixels, but no more than {DEFAULT_TESTS:,} divided" in texts["command.md"]
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from cltrace.base.errors import UsageError
 from cltrace.cli.arguments import picture_size
-from cltrace.formats.xml_reader import read
+from cltrace.formats.reader import read
 from cltrace.picture.files import whole_file
 from cltrace.plan.abi import Precision
 from cltrace.plan.request import PRECISIONS

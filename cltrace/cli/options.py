@@ -50,7 +50,7 @@ NOT_ON_CLUSTER = ("check", "stats", "repeat", "bits", "outputs", "watch")
 class SceneOptions:
     """Which scene, and what of it is other than its file says.
 
-    size: (width, height) in pixels, None for the file's; instances: as of read() in cltrace/formats/xml_reader.py.
+    size: (width, height) in pixels, None for the file's; instances: as of read() in cltrace/formats/reader.py.
     """
 
     path: str

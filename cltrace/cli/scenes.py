@@ -9,7 +9,7 @@ from cltrace.base.errors import SceneError
 from cltrace.base.waiting import SLOW, Announcement
 from cltrace.cli.options import SceneOptions
 from cltrace.cli.reporter import Reporter
-from cltrace.formats.xml_reader import read
+from cltrace.formats.reader import read
 from cltrace.scene import Camera, Scene
 
 

@@ -99,3 +99,13 @@ def closest(name: str, others: tuple[str, ...]) -> str | None:
         words = set(name.lower().split("_"))
         found = [other for other in by_lower if words <= set(other.split("_")) or words >= set(other.split("_"))]
     return by_lower[found[0]] if len(found) == 1 else None
+
+
+def short(text: str) -> str:
+    """The beginning of a text, short enough for a message."""
+    return text if len(text) <= 40 else f"{text[:37]}..."
+
+
+def quoted(text: str) -> str:
+    """The same in quotation marks, with control characters written as escapes."""
+    return repr(short(text))

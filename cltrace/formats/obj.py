@@ -26,9 +26,9 @@ from cltrace.base.arrays import blockwise, keep_freed_memory
 from cltrace.base.errors import Fault, SceneError
 from cltrace.base.limits import MAX_FAULTS, MAX_TRIANGLES, MAX_VERTICES
 from cltrace.base.warning_filters import warnings_are
-from cltrace.formats.faults import FatalError, Messages
+from cltrace.formats.faults import FatalError, Messages, quoted, short
 from cltrace.formats.files import chunks
-from cltrace.formats.xml_values import is_plain_zero, number, quoted, short
+from cltrace.formats.schema import is_plain_zero, number
 from cltrace.scene import ANY, Geometry
 
 # Bytes of a block, and of a line with all that continues it at most.
@@ -91,7 +91,7 @@ class _Triangles(NamedTuple):
     indices: Indices
 
 
-class _Reader:
+class _ObjReader:
     """One pass over a file: what it holds so far, and what is wrong with it."""
 
     def __init__(self) -> None:
@@ -387,7 +387,7 @@ def _flat(vertices: Doubles, faces: NDArray[np.int32]) -> Integers:
 def read_obj(path: str) -> Obj:
     """What an OBJ file holds. Raises SceneError with all its faults, and UnreadableError where it cannot be read."""
     keep_freed_memory()
-    reader, found = _Reader(), None
+    reader, found = _ObjReader(), None
     try:
         for number, text in _blocks(path):
             reader.read(number, text)

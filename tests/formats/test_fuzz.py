@@ -25,7 +25,7 @@ from cltrace import Renderer, SceneError, cli
 from cltrace.cli import command
 from cltrace.cli.options import Picture, options_of
 from cltrace.cli.parsing import parser
-from cltrace.formats.xml_reader import read
+from cltrace.formats.reader import read
 from cltrace.run.devices import Device
 from cltrace.scene import Scene
 from cltrace.students.check import check

@@ -21,7 +21,7 @@ from PIL import Image as Picture
 
 from cltrace import cli
 from cltrace.base.errors import SceneError
-from cltrace.formats.xml_reader import read
+from cltrace.formats.reader import read
 from cltrace.scene import Scene
 
 GOOD = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvn 0 0 1\nf 1/1/1 2/2/1 3/3/1\n"
@@ -103,7 +103,7 @@ LIMITED = """
 import resource, sys
 resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[1]) << 20,) * 2)
 from cltrace.base.errors import SceneError
-from cltrace.formats.xml_reader import read
+from cltrace.formats.reader import read
 status = 0
 for name in sys.argv[2:]:
     try:
@@ -150,7 +150,8 @@ BAD_LINES = [
         "1/1/1/1 2/1/1/1 3/1/1/1", "1///1 2///1 3///1", "1\\2\\3", "1|2|3", "1 2 3 4", "1 2 3 0", "1 2 3 1 2 3 9",
     )),
     *((CORNERS + "vt 0 0\nvn 0 0 1\n", f"f {rest}") for rest in (
-        "1/2 2/1 3/1", "1|1 2|1 3|1", "1/1 2/1 3/-2", "1//2 2//1 3//1", "1/1/2 2/1/1 3/1/1", "1/x 2/1 3/1", "1//x 2//1 3//1",
+        "1/2 2/1 3/1", "1|1 2|1 3|1",
+        "1/1 2/1 3/-2", "1//2 2//1 3//1", "1/1/2 2/1/1 3/1/1", "1/x 2/1 3/1", "1//x 2//1 3//1",
     )),
     *(("", f"vt {rest}") for rest in ("", "x", "0 nan", "0 inf", "0 1e400", "0x1 0", "0 0 0 0", "0 0 x")),
     *(("", f"vn {rest}") for rest in ("", "0", "0 0", "0 0 x", "0 0 nan", "0 inf 0", "0 0 1 1", "1e400 0 0")),

@@ -20,11 +20,10 @@ import pytest
 import cltrace
 from cltrace.base import limits
 from cltrace.base.errors import SceneError
-from cltrace.formats import xml_bulk, xml_checks, xml_reader, xml_source
+from cltrace.formats import checks, document, reader, surfaces
 from cltrace.formats.faults import closest
-from cltrace.formats.shapes import sphere
-from cltrace.formats.xml_reader import read
-from cltrace.formats.xml_transforms import cos_sin
+from cltrace.formats.reader import read
+from cltrace.formats.surfaces import cos_sin
 from cltrace.scene import AMBIENT, LIGHT, MATERIAL, PARALLEL, POINT, SPHERE, SPOT, Camera, Scene
 from cltrace.scene import camera as eye
 
@@ -98,7 +97,7 @@ def faults_of(text: str | bytes) -> list[str]:
 
 
 def all_carefully(spheres: list[object]) -> tuple[np.ndarray, np.ndarray]:
-    return np.zeros(len(spheres), np.bool_), np.empty((len(spheres), xml_bulk.ROW))
+    return np.zeros(len(spheres), np.bool_), np.empty((len(spheres), surfaces.ROW))
 
 
 def changed(old: str, new: str, text: str = SCENE) -> str:
@@ -213,10 +212,10 @@ def finished(r: str, t: str, iof: str) -> str:
     return changed(FINISH, f'<reflectance r="{r}"/><transmittance t="{t}"/><refraction iof="{iof}"/>', SPHERE_TEXT)
 
 
-@pytest.mark.parametrize("bulk", [xml_bulk.bulk, all_carefully])
+@pytest.mark.parametrize("bulk", [surfaces.bulk, all_carefully])
 def test_mirrors_and_glass(bulk: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also of more than all light. Where nothing is let through, the index says nothing, and is 1."""
-    monkeypatch.setattr(sphere, "bulk", bulk)
+    monkeypatch.setattr(surfaces, "bulk", bulk)
     written = [
         ("0.25", "0", "0"),
         ("5e-1", "2.5E-1", "+15e-1"),
@@ -1041,11 +1040,11 @@ def odd_spheres(count: int) -> str:
 def test_both_paths_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     text = odd_spheres(300)
     taken = []
-    bulk = xml_bulk.bulk
-    monkeypatch.setattr(sphere, "bulk", lambda spheres: taken.append(bulk(spheres)) or taken[-1])
+    bulk = surfaces.bulk
+    monkeypatch.setattr(surfaces, "bulk", lambda spheres: taken.append(bulk(spheres)) or taken[-1])
     in_bulk = scene_of(text)
     assert 150 < sum(good.sum() for good, _ in taken) < 300
-    monkeypatch.setattr(sphere, "bulk", all_carefully)
+    monkeypatch.setattr(surfaces, "bulk", all_carefully)
     assert same(in_bulk, scene_of(text))
 
 
@@ -1060,7 +1059,7 @@ def test_both_paths_say_the_same(fault: str, monkeypatch: pytest.MonkeyPatch) ->
     old, new, _ = FAULTS.get(fault, ('radius="1.5"', f'radius="{fault}"', []))
     text = changed(old, new)
     in_bulk = faults_of(text)
-    monkeypatch.setattr(sphere, "bulk", all_carefully)
+    monkeypatch.setattr(surfaces, "bulk", all_carefully)
     assert faults_of(text) == in_bulk
 
 
@@ -1075,7 +1074,7 @@ def test_both_paths_say_the_same(fault: str, monkeypatch: pytest.MonkeyPatch) ->
 )
 def test_the_bulk_path_is_not_deceived(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     in_bulk = faults_of(changed(SPHERE_TEXT, text))
-    monkeypatch.setattr(sphere, "bulk", all_carefully)
+    monkeypatch.setattr(surfaces, "bulk", all_carefully)
     assert faults_of(changed(SPHERE_TEXT, text)) == in_bulk
 
 
@@ -1085,8 +1084,8 @@ def test_chunks_make_no_difference(size: int, monkeypatch: pytest.MonkeyPatch) -
     whole = scene_of(text)
     broken = changed("<lights>", "<lights><sun/>", text).replace('ks="1.0"', 'ks="x"')
     faults = faults_of(broken)
-    monkeypatch.setattr(xml_source, "CHUNK", size)
-    monkeypatch.setattr(xml_source, "check_prologue", lambda first: None)
+    monkeypatch.setattr(document, "CHUNK", size)
+    monkeypatch.setattr(document, "check_prologue", lambda first: None)
     assert same(scene_of(text), whole)
     assert faults_of(broken) == faults
 
@@ -1114,8 +1113,8 @@ def test_a_scene_knows_the_lines_of_its_file(monkeypatch: pytest.MonkeyPatch) ->
     lines = text.split("\n")
     expected = [i for i, line in enumerate(lines, 1) if "<sphere" in line or "<mesh" in line]
     lights = [i for i, line in enumerate(lines, 1) if re.search("<(ambient|parallel|point|spot)_light>", line)]
-    for last in (xml_source.LAST_LINE, 0):
-        monkeypatch.setattr(xml_source, "LAST_LINE", last)
+    for last in (document.LAST_LINE, 0):
+        monkeypatch.setattr(document, "LAST_LINE", last)
         source = read_text(text)[0].source
         assert source is not None
         assert source.path == "scene.xml"
@@ -1193,7 +1192,7 @@ def test_lines_counted_are_the_parsers(name: str, monkeypatch: pytest.MonkeyPatc
     old, new, expected = FAULTS[name]
     text = changed(old, new).replace("/>", "\n/>").replace('="', ' \n = "').replace(' \n = "1.0"', '="1.0"')
     faults = faults_of(text)
-    monkeypatch.setattr(xml_source, "LAST_LINE", 0)
+    monkeypatch.setattr(document, "LAST_LINE", 0)
     assert faults_of(text) == faults
     assert [message(fault) for fault in faults] == [message(fault) for fault in expected]
 
@@ -1383,8 +1382,8 @@ HOARDS: list[tuple[Hoard, str | None]] = [
 
 @pytest.mark.parametrize(("text", "fault"), HOARDS)
 def test_what_is_kept_is_limited(text: Hoard, fault: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(xml_reader, "MAX_PARTS", 1000)
-    monkeypatch.setattr(xml_source, "CHUNK", 1000)
+    monkeypatch.setattr(reader, "MAX_PARTS", 1000)
+    monkeypatch.setattr(document, "CHUNK", 1000)
     if fault:
         assert fault in faults_of(text(10_000))
     else:
@@ -1395,13 +1394,13 @@ def test_what_is_kept_is_limited(text: Hoard, fault: str | None, monkeypatch: py
 def test_hints_are_made_for_few_of_many_attributes(old: str, line: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """40,000 of them took 18 s."""
     compared: list[int] = []
-    closest = xml_checks.closest
+    closest = checks.closest
 
     def counted(name: str, others: tuple[str, ...]) -> str | None:
         compared.append(len(others))
         return closest(name, others)
 
-    monkeypatch.setattr(xml_checks, "closest", counted)
+    monkeypatch.setattr(checks, "closest", counted)
     text = changed(old, old + " " + " ".join(f'a{i}="1"' for i in range(40_000)) + " ")
     warnings = warnings_of(text)
     assert warnings[-1] == f"{line}: … and 39900 more"
@@ -1521,10 +1520,10 @@ def test_a_view_is_judged_with_any_limits(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(xml_reader, "MAX_LIGHTS", 3)
+    monkeypatch.setattr(reader, "MAX_LIGHTS", 3)
     assert faults_of(SCENE) == ["17: lights: must be at most 3; --limit lights=N or CLTRACE_LIMITS allows more"]
-    monkeypatch.setattr(xml_reader, "MAX_LIGHTS", 4)
-    monkeypatch.setattr(sphere, "MAX_SPHERES", 2)
+    monkeypatch.setattr(reader, "MAX_LIGHTS", 4)
+    monkeypatch.setattr(surfaces.SphereReader, "most", 2)
     assert faults_of(changed(SPHERE_TEXT, SPHERE_TEXT * 3)) == ["45: surfaces: must be at most 2 spheres"]
     monkeypatch.setattr(limits, "SCENE_BYTES", 1000)
     assert faults_of(SCENE) == [

@@ -15,9 +15,8 @@ import cltrace
 from cltrace.base import limits
 from cltrace.base.arithmetic import inverses
 from cltrace.base.errors import Fault, SceneError, SceneWarning
-from cltrace.formats import obj, texture, xml_files, xml_reader
-from cltrace.formats.shapes import mesh as meshes
-from cltrace.formats.xml_reader import read
+from cltrace.formats import files, obj, reader, surfaces, texture
+from cltrace.formats.reader import read
 from cltrace.scene import Scene
 
 HEAD = """\
@@ -328,11 +327,11 @@ def test_of_thousands_of_missing_files_most_are_not_looked_for(monkeypatch: pyte
         looked.append(name)
         return name
 
-    monkeypatch.setattr(xml_files, "within", within)
+    monkeypatch.setattr(files, "within", within)
     Path("scene.xml").write_text(HEAD + "".join(mesh(f"{k}.obj") for k in range(1500)) + "</surfaces></scene>")
     with pytest.raises(SceneError, match="and 1400 more"):
         read("scene.xml")
-    assert len(looked) == xml_files.MAX_UNREADABLE + 1
+    assert len(looked) == files.MAX_UNREADABLE + 1
 
 
 def scaled(x: float, y: float, z: float) -> str:
@@ -475,16 +474,16 @@ def test_a_mesh_named_again_adds_so_many_triangles_only() -> None:
 
 
 def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(meshes, "MAX_MESHES", 2)
+    monkeypatch.setattr(surfaces.MeshReader, "most", 2)
     assert faults_of(*[mesh("a.obj")] * 3) == [f"scene.xml:{FIRST + 2}: surfaces: must be at most 2 meshes"]
-    monkeypatch.setattr(meshes, "MAX_TRIANGLES", 3)
+    monkeypatch.setattr(surfaces, "MAX_TRIANGLES", 3)
     assert len(scene_of(mesh("a.obj"), mesh("sub/b.obj")).meshes) == 2
     (fault,) = faults_of(mesh("sub/b.obj"), mesh("sub/b.obj"))
     assert fault == f"scene.xml:{FIRST + 1}: surfaces: must be at most 3 triangles and 67108864 vertices of meshes"
-    monkeypatch.setattr(meshes, "MAX_VERTICES", 5)
+    monkeypatch.setattr(surfaces, "MAX_VERTICES", 5)
     (fault,) = faults_of(mesh("a.obj"), mesh("a.obj"))
     assert fault == f"scene.xml:{FIRST + 1}: surfaces: must be at most 3 triangles and 5 vertices of meshes"
-    monkeypatch.setattr(xml_files, "MAX_TEXELS", 15)
+    monkeypatch.setattr(files, "MAX_TEXELS", 15)
     assert faults_of(ball(textured("wall.png")), ball(textured("sub/sky.png"))) == [
         f"scene.xml:{FIRST + 1}: material_textured texture: name 'sub/sky.png' must not have more than 7 pixels with "
         "the textures before it"
@@ -497,7 +496,7 @@ def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(("names", "few"), [(["sub/b.obj", "a.obj"], 64), (["a.obj", "./a.obj", ".//a.obj"], 1)])
 def test_pairs_of_lights_and_surfaces(names: list[str], few: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """A few lights may have any number of surfaces, unless a mesh is placed again."""
-    monkeypatch.setattr(xml_reader, "MAX_PAIRS", 3 * few)
+    monkeypatch.setattr(reader, "MAX_PAIRS", 3 * few)
     scene = HEAD + "".join(map(mesh, names)) + "</surfaces></scene>"
     lamp = '<point_light><color r="1" g="1" b="1"/><position x="0" y="0" z="9"/></point_light>'
     Path("scene.xml").write_text(scene.replace("<lights/>", f"<lights>{lamp * few}</lights>"))
@@ -511,10 +510,10 @@ def test_pairs_of_lights_and_surfaces(names: list[str], few: int, monkeypatch: p
     )
     # Larger files may have more in proportion: each counts once, by whatever names.
     size = sum(path.stat().st_size for path in {Path(name).resolve() for name in ("scene.xml", *names)})
-    monkeypatch.setattr(xml_reader, "PAIRS_BYTES", size - 1)
+    monkeypatch.setattr(reader, "PAIRS_BYTES", size - 1)
     with pytest.raises(SceneError):
         read("scene.xml")
-    monkeypatch.setattr(xml_reader, "PAIRS_BYTES", size // 2)
+    monkeypatch.setattr(reader, "PAIRS_BYTES", size // 2)
     assert len(read("scene.xml")[0].lights) == few + 1
 
 

@@ -21,7 +21,7 @@ from PIL import Image as Picture
 import cltrace
 from cltrace import cli
 from cltrace.base.errors import SceneError
-from cltrace.formats.xml_reader import read
+from cltrace.formats.reader import read
 from cltrace.renderers.renderer import Renderer
 from cltrace.run.devices import choose
 from cltrace.viewer import cameras

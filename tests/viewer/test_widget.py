@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 import cltrace
-from cltrace.formats.xml_reader import read
+from cltrace.formats.reader import read
 from cltrace.renderers.renderer import Renderer
 from cltrace.run.devices import choose
 from cltrace.viewer.stage import Stage

@@ -1,8 +1,14 @@
-"""The schema: for each element its attributes, its children, and what these must be together."""
+"""The schema of scene files: for each element its attributes, its children, and what these must be together.
+
+A kind of attribute is a `Rule` for a number, or a function that reads the text. A fault is a ValueError; its words
+belong behind the attribute's name.
+"""
 
 from __future__ import annotations
 
 import functools
+import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,13 +16,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.formats.xml_values import Kind, bounces, file_name, integer, members, relative_path
+from cltrace.base.limits import MAX_BOUNCES, MAX_LIGHTS, hint
+from cltrace.formats.faults import quoted, short
 from cltrace.scene import (
     ANY,
     CONE,
     FOV,
     NOT_NEGATIVE,
     POSITIVE,
+    Rule,
     ambient_light,
     ball_light,
     check_resolution,
@@ -29,11 +37,84 @@ from cltrace.scene import (
     sun_light,
 )
 
+Kind = Rule | Callable[[str], Any]
+NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_FLOAT = re.compile(rf"{NUMBER}|[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
+_INTEGER = re.compile(r"[-+]?[0-9]+")
+_XML_SPACE = " \t\r\n"
+
+
+def value(kind: Kind, text: str) -> Any:
+    """The value of an attribute with this text. Raises ValueError."""
+    return number(kind, text) if isinstance(kind, Rule) else kind(text)
+
+
+def number(rule: Rule, text: str) -> float:
+    """A number that the rule allows."""
+    # float() alone would also take '1_000' and other scripts' digits.
+    written = text.strip(_XML_SPACE)
+    if not _FLOAT.fullmatch(written):
+        raise ValueError(f"must be a number, got {quoted(text)}")
+    value = float(written)
+    if value == 0 and not is_plain_zero(written):
+        value = math.ulp(0.0)  # what is written is not 0 but vanishes: as small as can be, for the rule to refuse
+    fault = rule.fault(value)
+    if fault:
+        half = rule in (FOV, CONE) and rule.high <= value < 2 * rule.high
+        hint = f": it is half of the opening, is {value / 2:g} meant?" if half else ""
+        raise ValueError(f"{fault.partition(', got ')[0]}, got {short(written)}{hint}")
+    return value
+
+
+def is_plain_zero(written: str) -> bool:
+    """Whether a number that reads as 0 is one: has no digit but 0 before its exponent."""
+    return not re.split("[eE]", written)[0].strip("+-0.")
+
+
+def integer(text: str) -> int:
+    """A whole number; one beyond 1e18 in magnitude is read as 1e18, which no rule allows."""
+    written = text.strip(_XML_SPACE)
+    if not _INTEGER.fullmatch(written):
+        raise ValueError(f"must be an integer, got {quoted(text)}")
+    # int() refuses very long texts. float() takes them, and is exact for every integer that a rule allows.
+    return int(max(-1e18, min(1e18, float(written))))
+
+
+def _whole(low: int, high: int, name: str = "") -> Callable[[str], int]:
+    """A kind of whole numbers within these bounds. name: of a limit, in which more may be allowed."""
+
+    def read(text: str) -> int:
+        n = integer(text)
+        if not low <= n <= high:
+            raise ValueError(f"must be within {low}..{high}, got {n}{hint(name) if name and n > high else ''}")
+        return n
+
+    return read
+
+
+def file_name(text: str) -> str:
+    """A name without a folder: a stranger's scene must not choose where a file is written."""
+    if "/" in text or text in (".", ".."):
+        raise ValueError(f"must be a file name without a folder, got {quoted(text)}")
+    return relative_path(text)
+
+
+def relative_path(text: str) -> str:
+    """A path that stays within its folder, on every system."""
+    if not text:
+        raise ValueError("must not be empty")
+    if not text.isprintable():
+        raise ValueError(f"must not contain control characters, got {quoted(text)}")
+    if "\\" in text or ":" in text:
+        raise ValueError(f"must not contain a backslash or a colon, got {quoted(text)}")
+    if text.startswith("/") or ".." in text.split("/"):
+        raise ValueError(f"must stay within the scene's folder, got {quoted(text)}")
+    if len(text.encode()) > 250:
+        raise ValueError(f"must be at most 250 bytes long, got {quoted(text)}")
+    return text
+
+
 Values = dict[str, Any]  # attribute -> value, child -> its Values; of a transform: "steps" -> [(element, Values), ...]
-
-
-def _nothing(_: Values) -> str | None:
-    return None
 
 
 @dataclass(frozen=True)
@@ -48,7 +129,7 @@ class Element:
     children: tuple[str, ...] = ()
     optional: tuple[str, ...] = ()
     many: tuple[str, ...] = ()
-    check: Callable[[Values], str | None] = _nothing
+    check: Callable[[Values], str | None] = lambda _: None
 
     @functools.cached_property
     def slots(self) -> dict[str, str]:
@@ -66,8 +147,7 @@ def _not_zero(v: Values) -> str | None:
 
 
 def _not_singular(v: Values) -> str | None:
-    factors = v["x"], v["y"], v["z"]
-    return None if all(factors) else "must not be singular, got a factor of 0"
+    return None if v["x"] and v["y"] and v["z"] else "must not be singular, got a factor of 0"
 
 
 def _long(v: Values) -> str | None:
@@ -108,12 +188,21 @@ def _spans(v: Values) -> str | None:
     return "across and along must not be along one line" if spans_no_area(across, along) else None
 
 
-# Soft lights are an extension: the course has the plain ones.
-PLAIN = ("ambient_light", "parallel_light", "point_light", "spot_light")
-SOFT = ("sky_light", "sun_light", "ball_light", "panel_light")
+# What makes the light of each element. Soft lights are an extension: the course has the first four.
+LIGHTS: Mapping[str, Callable[..., NDArray[np.void]]] = {
+    "ambient_light": ambient_light,
+    "parallel_light": parallel_light,
+    "point_light": point_light,
+    "spot_light": spot_light,
+    "sky_light": sky_light,
+    "sun_light": sun_light,
+    "ball_light": ball_light,
+    "panel_light": panel_light,
+}
 _RGB = dict.fromkeys("rgb", NOT_NEGATIVE)
 _XYZ = dict.fromkeys("xyz", ANY)
 _ANGLE = {"theta": ANY}
+_MEMBERS = _whole(1, MAX_LIGHTS, "lights")  # how many lights a soft light stands for
 MATERIALS = ("material_solid", "material_textured")
 _MATERIAL = "|".join(MATERIALS)
 _FINISH = ("phong", "reflectance", "transmittance", "refraction")
@@ -126,8 +215,8 @@ ELEMENTS = {
     "up": Element(_XYZ, check=_not_zero),
     "horizontal_fov": Element({"angle": FOV}),
     "resolution": Element({"horizontal": integer, "vertical": integer}, check=_size),
-    "max_bounces": Element({"n": bounces}),
-    "lights": Element(many=(*PLAIN, *SOFT)),
+    "max_bounces": Element({"n": _whole(0, MAX_BOUNCES)}),
+    "lights": Element(many=tuple(LIGHTS)),
     "ambient_light": Element(children=("color",)),
     "parallel_light": Element(children=("color", "direction")),
     "point_light": Element(children=("color", "position")),
@@ -143,8 +232,8 @@ ELEMENTS = {
     "below": Element(_RGB),
     "across": Element(_XYZ, check=_not_zero),
     "along": Element(_XYZ, check=_not_zero),
-    "directions": Element({"n": members}),
-    "points": Element({"n": members}),
+    "directions": Element({"n": _MEMBERS}),
+    "points": Element({"n": _MEMBERS}),
     "surfaces": Element(many=("sphere", "mesh", "cylinder")),
     "sphere": Element({"radius": POSITIVE}, ("position", _MATERIAL), ("transform",)),
     "mesh": Element({"name": relative_path}, (_MATERIAL,), ("transform",)),
@@ -175,17 +264,6 @@ MEANT = {
 }
 # The children of these are read and dropped while the file is being parsed.
 SECTIONS = ("scene", "lights", "surfaces")
-# What makes the light of each element.
-LIGHTS: Mapping[str, Callable[..., NDArray[np.void]]] = {
-    "ambient_light": ambient_light,
-    "parallel_light": parallel_light,
-    "point_light": point_light,
-    "spot_light": spot_light,
-    "sky_light": sky_light,
-    "sun_light": sun_light,
-    "ball_light": ball_light,
-    "panel_light": panel_light,
-}
 
 
 def light_of(name: str, values: Values) -> NDArray[np.void]:

@@ -19,10 +19,8 @@ from lxml import etree
 
 from cltrace.base.errors import Fault
 from cltrace.base.limits import MAX_NAMESPACE, MAX_PREFIXES
-from cltrace.formats.faults import FatalError
-from cltrace.formats.files import UnreadableError, chunks
-from cltrace.formats.xml_files import hint_beside
-from cltrace.formats.xml_values import short
+from cltrace.formats.faults import FatalError, short
+from cltrace.formats.files import UnreadableError, chunks, hint_beside
 
 # Bytes that are fed at once, and of the prologue at most. The tree of a larger chunk no longer fits the CPU's cache.
 CHUNK, HEAD = 2**17, 2**16

@@ -10,16 +10,12 @@ import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
-from cltrace.formats.faults import MAX_MESSAGES, Messages, closest
-from cltrace.formats.xml_bulk import SHARES
-from cltrace.formats.xml_elements import ELEMENTS, MATERIALS, MEANT, SECTIONS, Values, rotations
-from cltrace.formats.xml_files import Files
-from cltrace.formats.xml_source import Document
-from cltrace.formats.xml_transforms import Steps, maps_of
-from cltrace.formats.xml_values import like_bytes, short, value
+from cltrace.formats.document import Document
+from cltrace.formats.faults import MAX_MESSAGES, Messages, closest, short
+from cltrace.formats.files import SceneFiles
+from cltrace.formats.schema import ELEMENTS, MATERIALS, MEANT, SECTIONS, Values, rotations, value
 from cltrace.scene import Vector
 
-MAX_TRANSFORMS = 10_000  # whose steps are kept
 MAX_MATERIALS = 1000  # which are known again
 
 # Colours are computed in float32, whose numbers are 2^-126 to 2^128 where they keep their digits. Sizes and their
@@ -92,14 +88,13 @@ def label_of(element: etree._Element) -> str:
 class Checks:
     """A file, the elements of which are looked at one by one, and what is wrong with it so far.
 
-    files: those that it names; transforms: the maps of the first surfaces that have some, by their numbers.
+    files: those that it names.
     """
 
     def __init__(self, path: str, exact: bool) -> None:
-        self.path, self.document, self.files = path, Document(path, exact), Files(path)
+        self.path, self.document, self.files = path, Document(path, exact), SceneFiles(path)
         self.faults, self.warnings = Messages(), Messages()
         self.cut_off: set[etree._Element] = set()  # the elements that may be open where the file ceases to be XML
-        self.transforms: dict[int, NDArray[np.float64]] = {}
         self._materials: dict[bytes, Values] = {}  # those of which there is nothing to say, by their texts
 
     def fault(self, element: etree._Element, message: str, hint: Callable[[], str] = lambda: "") -> None:
@@ -170,29 +165,31 @@ class Checks:
                 self.fault(element, f"{label_of(element)}: {name} {error}")
         return values, len(values) == len(kinds)
 
-    def steps(self, values: Values, number: int) -> Steps:
-        """The steps of the transform of the surface with this number, of which the first surfaces' are kept."""
-        steps: Steps = values.get("transform", {}).get("steps", [])
-        if steps and len(self.transforms) < MAX_TRANSFORMS:
-            self.transforms[number] = maps_of(steps)
-        return steps
+    def surface(self, element: etree._Element) -> tuple[Values, list[float] | None]:
+        """What is valid in the element of a surface, and the finish of its material; None where something is missing.
 
-    def finish(self, element: etree._Element, values: Values) -> list[float] | None:
-        """What a row has of the material; None where something is missing. A texture's file is read later."""
+        A finish is the colour, the Phong coefficients, reflectance, transmittance, index of refraction, and the number
+        of the texture, -1 for none. The files of textures are read later.
+        """
+        values, whole = self.element(element)
         material = values.get("material_solid") or values.get("material_textured", {})
         texture = -1
         if name := material.get("texture", {}).get("name"):
             texture = self.files.textures.add(name, self.document.line_of(next(element.iter("texture"))))
-        try:
-            color = (1.0, 1.0, 1.0) if "texture" in material else vector_of(material["color"])
-            parts = (material[name] for name in ("phong", "reflectance", "transmittance", "refraction"))
-            return [*color, *(number for part in parts for number in part.values()), texture]
-        except (KeyError, ValueError):
-            return None
+        if not whole:
+            return values, None
+        color = (1.0, 1.0, 1.0) if "texture" in material else vector_of(material["color"])
+        parts = (material[name] for name in ("phong", "reflectance", "transmittance", "refraction"))
+        return values, [*color, *(number for part in parts for number in part.values()), texture]
 
-    def doubt(self, elements: Sequence[etree._Element], colors: NDArray[np.float64]) -> None:
-        """Warns of colours, (n, 3), that seem to be meant as bytes, each in its element or in a <color> within."""
-        for i in np.flatnonzero(like_bytes(colors)).tolist():
+    def doubt_colors(self, elements: Sequence[etree._Element], colors: Numbers) -> None:
+        """Warns of colours, (n, 3), that seem to be meant as bytes of 0..255, each in its element or a <color> within.
+
+        One of their numbers is a whole one from 16 on, and none is above 255. A light may well be a few times brighter
+        than 1, and a colour of bytes below 16 would be next to black.
+        """
+        whole = (colors >= 16) & (colors == np.rint(colors))
+        for i in np.flatnonzero(whole.any(axis=1) & (colors <= 255).all(axis=1)).tolist():
             element = next(elements[i].iter("color"), elements[i])
             numbers = ", ".join(f"{share:g}" for share in colors[i])
             message = f"{label_of(element)}: {numbers} looks like bytes of 0..255, but 1 is full: divide by 255"
@@ -209,8 +206,8 @@ class Checks:
             self.warnings.add(self.document.line_of(elements[i]), message)
 
     def doubt_shares(self, elements: Sequence[etree._Element], finishes: Numbers) -> None:
-        """Warns of materials, a row of FINISH each, that send on more light than reaches them."""
-        shares = finishes[:, SHARES].sum(axis=1)
+        """Warns of materials, a row of finishes each, that send on more light than reaches them."""
+        shares = finishes[:, 7:9].sum(axis=1)  # reflectance and transmittance
         for i in np.flatnonzero(shares > 1 + np.finfo(np.float32).eps).tolist():  # what is written as 0.7 + 0.3 is 1
             material = next(elements[i].iter(*MATERIALS))
             message = f"{material.tag}: r + t = {shares[i]:g} is above 1: more light goes on than reaches it"

@@ -2,10 +2,10 @@
 
 The file may be large. After each chunk of it, the elements that are complete are read and dropped from the tree, so
 that memory grows with the packed records only. Spheres that are laid out as in the format's listing are converted in
-bulk (`xml_bulk`). Everything else, and whatever has a fault, takes the careful path (`xml_checks`), which alone words
+bulk (`surfaces.bulk`). Everything else, and whatever has a fault, takes the careful path (`checks`), which alone words
 the messages. Both paths give the same numbers.
 
-The files of meshes and textures are read when the scene's own is over (`xml_files`).
+The files of meshes and textures are read when the scene's own is over (`files`).
 """
 
 from __future__ import annotations
@@ -24,26 +24,30 @@ from numpy.typing import NDArray
 
 from cltrace.base.errors import SceneError, SceneWarning, located
 from cltrace.base.limits import FEW, MAX_LIGHTS, MAX_PAIRS, MAX_PARTS, MAX_TRIANGLES, PAIRS_BYTES, hint
-from cltrace.formats.faults import FatalError
-from cltrace.formats.shapes.table import SHAPES
-from cltrace.formats.xml_bulk import packed_materials
-from cltrace.formats.xml_checks import Checks, Children, vector_of
-from cltrace.formats.xml_elements import ELEMENTS, SECTIONS, Values, light_of
-from cltrace.formats.xml_files import Contents
-from cltrace.formats.xml_source import LinesNeededError
-from cltrace.formats.xml_values import quoted
-from cltrace.scene import LIGHT, Camera, Scene, Source, Texture, Vector
+from cltrace.formats.checks import Checks, Children, vector_of
+from cltrace.formats.document import LinesNeededError
+from cltrace.formats.faults import FatalError, quoted
+from cltrace.formats.schema import ELEMENTS, SECTIONS, Values, light_of
+from cltrace.formats.surfaces import CylinderReader, MeshReader, ShapeReader, SphereReader, packed_materials
+from cltrace.scene import LIGHT, Camera, Scene, Source, Vector
 
 _VIEW = ("position", "lookat", "up")
 _PARTS: Callable[[etree._Element], Any] = etree.XPath("count(//node()) + count(//@*)")
 
 
-class _Reader(Checks):
+class _SceneReader(Checks):
     """One pass over a file: what it holds so far."""
 
     def __init__(self, path: str, exact: bool, instances: int) -> None:
         super().__init__(path, exact)
-        self._shapes = {tag: row(self, instances) for tag, row in SHAPES.items()}
+        self._transforms: dict[int, NDArray[np.float64]] = {}
+        self._meshes = MeshReader(self, self._transforms, instances)
+        # Materials are in this order.
+        self._shapes: dict[str, ShapeReader] = {
+            "sphere": SphereReader(self, self._transforms),
+            "mesh": self._meshes,
+            "cylinder": CylinderReader(self, self._transforms),
+        }
         self._output_file = ""
         self._background: Vector = (0.0, 0.0, 0.0)
         self._camera: Values = {}
@@ -64,43 +68,52 @@ class _Reader(Checks):
 
     def result(self) -> tuple[Scene, list[str]]:
         """The scene and the warnings, with the files that it names; raises SceneError if there are faults."""
-        textures = self.files.read_textures(self.faults, self.warnings)
-        shapes = list(self._shapes.values())
-        for shape in shapes:
-            shape.complete()
+        files, shapes = self.files, self._shapes.values()
+        files.read_textures(self.faults, self.warnings)
+        self._meshes.place()
         self._check_pairs()
-        if self.faults.count or self.files.faults:
-            raise SceneError(self.path, [*self.faults.in_order(), *self.files.faults], self.files.named())
+        if self.faults.count or files.faults:
+            raise SceneError(self.path, [*self.faults.in_order(), *files.faults], files.named())
         parts = [shape.finishes for shape in shapes]
         finishes = np.concatenate(parts)
-        with_texture = finishes[:, -1] >= 0
-        finishes[with_texture, -1] = np.array(textures.of)[finishes[with_texture, -1].astype(int)]
+        textured = finishes[:, -1] >= 0
+        finishes[textured, -1] = np.array(files.textures.index)[finishes[textured, -1].astype(int)]
         materials, material_of = packed_materials(finishes)
         view = self._view()
-        for shape in shapes:
-            shape.doubt_reach(view)
-        ends = np.cumsum([len(part) for part in parts])[:-1]
         surfaces: dict[str, Any] = {}
-        for shape, of in zip(shapes, np.split(material_of, ends), strict=True):
-            surfaces |= shape.fields(of)
+        for shape, own in zip(shapes, np.split(material_of, np.cumsum([*map(len, parts)])[:-1]), strict=True):
+            shape.doubt_reach(view)
+            surfaces |= shape.fields(own)
+        source = Source(
+            self.path,
+            view=view,
+            camera=self._camera_line,
+            lights=np.array(self._light_lines),
+            surfaces=np.array(self._surface_lines),
+            meshes=self._meshes.files(),
+            textures=tuple(files.textures.found),
+            transforms=self._transforms,
+            files=files.named(),
+            size=files.size,
+        )
         scene = Scene(
             view,
             np.concatenate([np.zeros(0, LIGHT), *self._lights]),
             materials=materials,
             background=self._background,
             output_file=self._output_file,
-            textures=textures.found,
+            textures=files.textures.found.values(),
             **surfaces,
-        ).read_from(self._source(view, textures))
+        ).read_from(source)
         ignored = [located(self.path, w.line, w.message) for w in self.warnings.in_order()]
-        return scene, [*ignored, *(note for shape in shapes for note in shape.notes())]
+        return scene, [*ignored, *self._meshes.notes()]
 
     def _check_pairs(self) -> None:
         """Complains about more pairs of a light and a surface than allowed, where nothing else is wrong."""
-        surfaces, held = map(sum, zip(*(shape.counts() for shape in self._shapes.values()), strict=True))
-        few = surfaces == held and self._members <= FEW
-        if few or self.faults.count or self.files.faults:
+        triangles, in_files = self._meshes.triangles()
+        if self.faults.count or self.files.faults or (triangles == in_files and self._members <= FEW):
             return
+        surfaces = triangles + sum(shape.count for shape in self._shapes.values() if shape is not self._meshes)
         most = MAX_PAIRS * max(self.files.size, PAIRS_BYTES) // PAIRS_BYTES
         if self._members * surfaces > most:
             self.faults.add(
@@ -108,20 +121,6 @@ class _Reader(Checks):
                 f"lights: must be at most {most} pairs of a light and a surface, got {self._members} lights, with "
                 f"all members of soft ones, and {surfaces} surfaces{hint('pairs')}",
             )
-
-    def _source(self, view: Camera, textures: Contents[Texture]) -> Source:
-        return Source(
-            self.path,
-            view=view,
-            camera=self._camera_line,
-            lights=np.array(self._light_lines),
-            surfaces=np.array(self._surface_lines),
-            meshes={number: file for shape in self._shapes.values() for number, file in shape.files().items()},
-            textures=tuple(textures.names),
-            transforms=self.transforms,
-            files=self.files.named(),
-            size=self.files.size,
-        )
 
     def _view(self) -> Camera:
         view: dict[str, Any] = {name: vector_of(self._camera[name]) for name in _VIEW}
@@ -209,7 +208,7 @@ class _Reader(Checks):
                     self._camera, self._camera_line = values, self.document.line_if_known(child)
                 elif whole:
                     self._background = vector_of(values)
-                    self.doubt([child], np.array([self._background]))
+                    self.doubt_colors([child], np.array([self._background]))
 
     def _lights_of(self, lights: etree._Element, children: Sequence[etree._Element]) -> None:
         for child in children:
@@ -224,7 +223,7 @@ class _Reader(Checks):
                 self._members += max(0, int(light["members"][0]) - 1)
                 self._light_lines.append(self.document.line_if_known(child))
                 self._lights.append(light)
-                self.doubt([child], light["color"])
+                self.doubt_colors([child], light["color"])
                 if self._members > MAX_LIGHTS:
                     message = f"lights: must be at most {MAX_LIGHTS} with all members of soft lights"
                     raise FatalError(self.document.line_of(child), f"{message}, got {self._members}{hint('lights')}")
@@ -233,12 +232,12 @@ class _Reader(Checks):
         for child in children:
             shape = self._shapes.get(child.tag)
             if shape:
-                shape.take(child, len(self._surface_lines))
+                shape.pending.append((child, len(self._surface_lines)))
                 self._surface_lines.append(self.document.line_if_known(child))
             else:
                 self._sections[surfaces].claim(child)  # which complains
-        for shape in self._shapes.values():
-            shape.take_rest()
+        for shape in reversed(self._shapes.values()):  # which is the order of textures
+            shape.read_pending()
 
     def _check_view(self, camera: etree._Element, values: Values) -> None:
         """Complains about a view that is undefined, in the words of `Camera`."""
@@ -291,6 +290,6 @@ def read(path: str | os.PathLike[str], lines: bool = False, instances: int = MAX
 
 
 def _read(path: str, exact: bool, instances: int) -> tuple[Scene, list[str]]:
-    reader = _Reader(path, exact, instances)
+    reader = _SceneReader(path, exact, instances)
     reader.run()
     return reader.result()

@@ -1,1 +1,0 @@
-"""One module a shape: how its element becomes what a Scene takes. table.py has them all."""
