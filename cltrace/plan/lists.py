@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from cltrace.base.errors import TooSlowError
 from cltrace.base.waiting import Stopwatch
-from cltrace.plan.accel.cells import SLACK, CellGrid, entries_of_boxes, whole_grid
-from cltrace.plan.accel.discs import Discs, behind, is_deep
+from cltrace.plan.accel.cells import SLACK, CellGrid, whole_grid
+from cltrace.plan.accel.discs import Discs
 from cltrace.plan.accel.silhouettes import FINE_SLACK, Shadows, Silhouettes, Window
 from cltrace.plan.accel.tiles import picture_tiles
 from cltrace.plan.lights import Lamp
@@ -69,10 +68,6 @@ class Grids:
         eye = [sight.eye for sight in self._sights]
         among, shapes, total = self._among(eye), [eye[i] for i in self._shapes], self._total
         tiles = picture_tiles(shapes, among, window)
-        discs, entries = only_discs(shapes), entries_of_boxes(tiles.covers[2:])
-        if discs and not discs.loose and not window.parallel:
-            deep = is_deep(self._request, total, len(tiles.member), entries)
-            tiles = replace(tiles, behind=behind(tiles, discs, window)) if deep else tiles
         if "lists" in self._request.keep:
             self._receiver[tiles.member] = True
             tiles = whole_grid(among)

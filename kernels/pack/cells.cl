@@ -56,40 +56,14 @@ INLINE ulong key_of(const float near, const uint mask, const int index) {
     return (ulong)(rising & mask) << 32 | (uint)index;
 }
 
-/* Of each cell of the levels of `mask`, the largest of the cells of level 0 in it, of which there are `columns` and
- * `rows`. */
-__kernel void find_deepest(const int columns, const int rows, const int mask, __constant Levels *levels,
-                           __global const float *restrict behind, __global float *restrict deepest) {
-    for (int level = 0; level < 16; level++) {
-        if (!(mask >> level & 1)) continue;
-        const int pitch = levels->pitch[level], cells = pitch * (((rows - 1) >> level) + 1);
-        FOR_EACH_SPHERE(cell, cells) {
-            const int left = cell % pitch << level, top = cell / pitch << level;
-            float most = -INFINITY;
-            for (int row = top; row < min(top + (1 << level), rows); row++)
-                for (int column = left; column < min(left + (1 << level), columns); column++)
-                    most = fmax(most, behind[row * columns + column]);
-            deepest[levels->base[level] + cell] = most;
-        }
-    }
-}
-
-/* How many entries each cell has, of spheres that are each on the level of its size less `lift`. some, deepest: whether
- * cells lack what is deeper than that; the depth of spheres that are then in no cell becomes infinite. */
-__kernel void count_entries(const int n, const int pitch, const int lift, const int some,
-                            __global const float *restrict deepest, __constant Levels *levels,
-                            __global const short *restrict covers, __global float *restrict near,
+/* How many entries each cell has, of spheres that are each on the level of its size less `lift`. */
+__kernel void count_entries(const int n, const int pitch, const int lift, __constant Levels *levels,
+                            __global const short *restrict covers, __global const float *restrict near,
                             volatile __global int *count) {
     FOR_EACH_MEMBER(i, n) {
         const int level = level_of(covers[2L * pitch + i], covers[3L * pitch + i], lift);
-        const float depth = near[i];
-        int entered = !some;
         FOR_EACH_CELL(cell, i, level)
-        if (!some || depth <= deepest[cell]) {
-            atomic_inc(count + cell);
-            entered = 1;
-        }
-        if (!entered) near[i] = INFINITY;
+        atomic_inc(count + cell);
     }
 }
 
@@ -140,16 +114,14 @@ __kernel void start_cells(const int cells, const int at, const int first, __glob
 }
 
 /* The entries of all spheres, each into the lists of its cells. mask: the bits of a depth that an entry keeps. */
-__kernel void scatter_entries(const int n, const int pitch, const int lift, const int some,
-                              __global const float *restrict deepest, const uint mask, __constant Levels *levels,
+__kernel void scatter_entries(const int n, const int pitch, const int lift, const uint mask, __constant Levels *levels,
                               __global const short *restrict covers, __global const float *restrict near,
                               volatile __global int *next, __global ulong *restrict entry) {
     FOR_EACH_MEMBER(i, n) {
-        const float depth = near[i];
-        const ulong key = key_of(depth, mask, i);
+        const ulong key = key_of(near[i], mask, i);
         const int level = level_of(covers[2L * pitch + i], covers[3L * pitch + i], lift);
         FOR_EACH_CELL(cell, i, level)
-        if (!some || depth <= deepest[cell]) entry[atomic_inc(next + cell)] = key;
+        entry[atomic_inc(next + cell)] = key;
     }
 }
 

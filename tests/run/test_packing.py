@@ -9,19 +9,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from device_views import LIGHTS, PRECISIONS, Gpu, check_same_view, lists_of, read
+from device_views import LIGHTS, PRECISIONS, Gpu, check_same_view
 from numpy.typing import NDArray
 from random_scenes import tunnel
 
 import cltrace
 from cltrace.picture.image import Output
 from cltrace.plan.abi import Precision
-from cltrace.plan.accel import cells, discs
+from cltrace.plan.accel import cells
 from cltrace.plan.request import Request
 from cltrace.plan.view import View
 from cltrace.plan.world import World
 from cltrace.run.devices import Device
-from cltrace.run.pack import list_buffers, packers, spheres
+from cltrace.run.pack import list_buffers, packers
 from cltrace.run.pack.spheres import SpherePacker
 from cltrace.run.pack.toolbox import Toolbox
 from cltrace.scene import PARALLEL, AnyCamera
@@ -172,13 +172,12 @@ def test_bits(device: Device, precision: Precision, name: str) -> None:
 
 
 @pytest.mark.slow
-def test_bits_on_a_gpu(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bits_on_a_gpu(device: Device) -> None:
     """A GPU takes one sphere at a time, and has memory of its own. Here a CPU does that."""
     gpu = Gpu(device.spec, device.cl)
     for make in (crowded, touching, mirrors, few_in_light, in_a_tunnel):
         for precision in ("accurate", "single"):
             both(make(), gpu, Request(precision))
-    coarse_pictures_show_all(gpu, monkeypatch, "row")
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
@@ -284,113 +283,6 @@ def test_bits_on_all_levels(device: Device, monkeypatch: pytest.MonkeyPatch, spa
     monkeypatch.setattr(cells, "SPARE", spare)
     for make in (crowded, of_all_sizes, lambda: around(300)):
         both(make(), device, Request())
-
-
-def tiles_of(renderer: cltrace.Renderer) -> bytes:
-    """The entries of the picture's lists."""
-    buffers, tools, like = renderer._executor.buffers, Toolbox(renderer.device, "accurate"), np.zeros(1, np.int32)
-    found = {name: read(buffers, name, tools, like) for name in ("start", "entry")}
-    return lists_of(renderer.plan.arrays | found)[0][2]
-
-
-SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("around the eye", "crowded", "glass")]
-
-
-@pytest.mark.parametrize("name", ["of all sizes", "touching", "wide", "one cell", *SLOW])
-def test_lists_without_what_is_behind(device: Device, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    """Of tiles that a sphere covers, lists lack what is behind; no picture tells."""
-    colors = np.random.default_rng(8).uniform(0, 1, (3000, 3))
-    places = {"around the eye": balls(3000, 4.0), "of all sizes": (balls(3000)[0], np.geomspace(1e-4, 0.8, 3000))}
-    centers, radii = places.get(name, balls(3000, 0.3, 6))
-    if name == "touching":
-        centers[1::2], radii[1::2] = centers[::2] + (0, 0, 0.1), radii[::2] - 0.1 + 2.0**-40
-        radii = np.maximum(radii, 1e-3)
-    by = {"wide": {"horizontal_fov": 85.0, "position": (0.9, 1.2, 1.3)}, "one cell": {"resolution": (4, 3)}}
-    how = {"transmittance": 0.5, "index": 1.5} if name == "glass" else {}
-    seen_by = camera(**({"resolution": (322, 187)} | by.get(name, {})))
-    some = cltrace.Scene.from_spheres(seen_by, LIGHTS[:3], centers, radii, colors, **how)  # type: ignore[arg-type]
-    other = camera(position=(1.0, 2.0, 2.5), resolution=(322, 187))
-    every = cltrace.Renderer(some, device)
-    monkeypatch.setattr(discs, "FEWEST", 0)
-    monkeypatch.setattr(discs, "DEEP", 0)
-    monkeypatch.setattr(discs, "CROWD", np.inf)
-    both(some, device, Request(), other)
-    fewer = cltrace.Renderer(some, device)
-    sizes = [len(tiles_of(renderer)) for renderer in (every, fewer)]
-    assert sizes[1] < sizes[0] / 1.2 or name in ("around the eye", "one cell", "touching")
-    assert np.array_equal(fewer.render().rgb8, every.render().rgb8)
-    for request in (Request("single"), Request(samples=16, crop=(8, 9, 50, 40))):
-        if name == "crowded":
-            both(some, device, request)
-
-
-def in_a_row(seen_by: cltrace.Camera) -> cltrace.Scene:
-    """Thousands of balls on one line, of which most overlap and each pixel that shows any shows one or two."""
-    along = np.linspace(0, 1, 3000)[:, None]
-    return cltrace.Scene.from_spheres(seen_by, LIGHTS, (-1.5, -0.6, 0.3) + along * (3, 1, -0.4), 0.05, ka=0.1)
-
-
-def passed(seen_by: cltrace.Camera) -> cltrace.Scene:
-    """A ray in the middle passes balls by the last digit of a radius, or touches others, before it meets a tiny one."""
-    step = np.arange(1, 200)[:, None] / 1024
-    centers = np.concatenate([step * (3, 4, -2), [(0, 0, -2)]])
-    radii = np.append(np.nextafter(5 * step[:, 0], 0), 0.001)
-    colors = np.random.default_rng(2).uniform(0, 1, (len(radii), 3))
-    return cltrace.Scene.from_spheres(seen_by, LIGHTS[:1], centers, radii, colors)
-
-
-COARSE: dict[str, Callable[[cltrace.Camera], cltrace.Scene]] = {
-    "of all sizes": of_all_sizes().seen_by,
-    "touching": touching().seen_by,
-    "around the eye": lambda by: around(300).seen_by(by),
-    "equal": lambda by: equal().seen_by(by),
-    "mirrors": lambda by: mirrors().seen_by(by),
-    "tiny": lambda by: scene(*balls(3000, 0.01)).seen_by(by),
-    "row": in_a_row,
-    "passed": passed,
-}
-
-
-@pytest.mark.parametrize("name", [pytest.param(k, marks=pytest.mark.slow) if k == "mirrors" else k for k in COARSE])
-def test_lists_of_coarse_pictures(device: Device, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    coarse_pictures_show_all(device, monkeypatch, name)
-
-
-def coarse_pictures_show_all(device: Device, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    """Lists lack spheres that no pixel shows; no picture tells, and a list has none that it had not before."""
-    monkeypatch.setattr(discs, "FEWEST", 0)
-    monkeypatch.setattr(spheres, "WIDE", 64)
-    monkeypatch.setattr(spheres, "LAYERS", 0)
-    sizes: list[dict[str, object]] = [{"resolution": size} for size in ((7, 5), (17, 11), (64, 47))]
-    for by in (*sizes, {"resolution": (15, 15), "position": (0, 0, 3)}):
-        some, listed, pictures = COARSE[name](camera(**by)), [], []
-        for crowd in (np.inf, 0):
-            monkeypatch.setattr(discs, "CROWD", crowd)
-            renderer = cltrace.Renderer(some, device, outputs=DRAWN)
-            moved = renderer.look(camera(position=(1.0, 2.0, 2.5), resolution=(9, 9)))
-            pictures.append([array for one in (renderer, moved) for array in (one.render().id, one.render().rgb8)])
-            listed.append(set(map(tuple, np.frombuffer(tiles_of(renderer), np.int32).reshape(-1, 2).tolist())))
-        assert all(map(np.array_equal, *pictures))
-        assert listed[1] <= listed[0]
-        assert name != "row" or 4 * len(listed[1]) <= len(listed[0])
-
-
-def test_coarse_pictures_of_which_parts_are_wanted(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A crop is the same part of the same picture. Lists are as before where spheres cover many pixels, or few cover a
-    pixel, where 16 bits cannot count these, and of pixels that are antialiased."""
-    whole = cltrace.Renderer(crowded(), device, outputs=DRAWN).render()
-    monkeypatch.setattr(discs, "FEWEST", 0)
-    monkeypatch.setattr(discs, "CROWD", 0)
-    both(crowded(), device, Request())
-    monkeypatch.setattr(spheres, "WIDE", 64)
-    monkeypatch.setattr(spheres, "LAYERS", 0)
-    crop = cltrace.Renderer(crowded(), device, outputs=DRAWN, crop=(13, 7, 30, 22)).render()
-    assert np.array_equal(crop.rgb8, whole.rgb8[7:22, 13:30])
-    for request in (Request("single"), Request(samples=16)):
-        both(crowded(), device, request)
-    both(crowded(resolution=(2**15, 1)), device, Request())
-    monkeypatch.setattr(spheres, "LAYERS", np.inf)
-    both(crowded(), device, Request())
 
 
 def test_pictures(device: Device) -> None:

@@ -110,8 +110,7 @@ class CellGrid:
     points; perspective: whether it is seen from a point, not along a parallel light; coarse: whether the cells are so
     large that coordinates in float32 tell them apart; outlines: of those that cover fewer cells than `covers` says;
     pixels: in the side of a cell, where rays pass through their centres alone, else 0; polygons: whether any surfaces
-    are convex polygons; held: further members, None for none; behind: (rows, columns) float32, of cells of level 0:
-    no ray meets first what is deeper there, and lists lack it; None where nothing is left out.
+    are convex polygons; held: further members, None for none.
     """
 
     axes: Array
@@ -127,11 +126,10 @@ class CellGrid:
     pixels: int = 0
     polygons: bool = False
     held: Held | None = None
-    behind: NDArray[np.float32] | None = None
 
     def without_members(self) -> CellGrid:
         """What fill_record() needs of it."""
-        return replace(self, **NOBODY._asdict(), held=None, behind=None)
+        return replace(self, **NOBODY._asdict(), held=None)
 
     def entered(self, count: int) -> Mask:
         """(count,): which of so many surfaces, the last ones of which are triangles, are members, once listed."""
@@ -307,7 +305,6 @@ class Keys:
     def of_boxes(self, grid: CellGrid, level: NDArray[np.int8], outlined: Mask) -> Iterator[NDArray[np.int64]]:
         """The keys of those that have no outline: one for each cell of the rectangles around them."""
         shift = self.index_bits + self.near_bits
-        deepest = None if grid.behind is None else self._deepest(grid.behind)
         for i in range(0, len(level), AT_ONCE):
             block = slice(i, i + AT_ONCE)
             low = self._low(grid, block)
@@ -319,20 +316,9 @@ class Keys:
                 cell = top.astype(np.int64) * self.pitch[k] + left + self.base[k]
                 # First there is one number for each row of cells that a sphere covers, then one for each cell.
                 step, key = self.pitch[k] << shift, cell << shift | low[which]
-                depth = () if deepest is None else (grid.near[block][which],)
-                rows_of = joined(list(spread(bottom - top, step, key, right - left, *depth)))
-                for part, *near in spread(rows_of[1], 1 << shift, rows_of[0], *rows_of[2:]):
-                    yield part if deepest is None else part[near[0] <= deepest[part >> shift]]
-
-    def _deepest(self, behind: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(cells,): the largest `behind` of each cell, see CellGrid."""
-        found = np.empty(self.cells, np.float32)
-        for k in self.used:
-            most = behind
-            for axis in (0, 1):
-                most = np.maximum.reduceat(most, range(0, behind.shape[axis], 1 << k), axis=axis)
-            found[self.base[k] : self.base[k] + most.size] = most.reshape(-1)
-        return found
+                key, more = joined(list(spread(bottom - top, step, key, right - left)))
+                for (part,) in spread(more, 1 << shift, key):
+                    yield part
 
     def of_strip(self, grid: CellGrid, level: NDArray[np.int8], strip: Strip) -> NDArray[np.int64]:
         """The keys of polygons: one for each cell of some rows of cells."""

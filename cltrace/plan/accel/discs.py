@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.base.arrays import blockwise
-from cltrace.plan.abi import CONSTANTS
-from cltrace.plan.accel.cells import AT_ONCE, SLACK, CellGrid, joined, spread
+from cltrace.plan.accel.cells import AT_ONCE, SLACK
 from cltrace.plan.accel.silhouettes import (
     FINE_SLACK,
     LOOSE,
-    SHIFT,
     Cast,
     Cube,
     Part,
@@ -27,22 +25,7 @@ from cltrace.plan.accel.silhouettes import (
     T,
     Window,
 )
-from cltrace.plan.request import Request
-from cltrace.plan.rounding import Array, Ints, Mask, along, rotated, rounded_down, rounded_up
-
-# From so many spheres on, and so many tiles that each one covers, lists lack what is behind others.
-FEWEST, DEEP = 2**15, 4
-# Half of the side of a square within a circle of radius 1, less a hundredth for all that is rounded.
-SQUARE = 0.7
-# With more than CROWD spheres for each pixel, lists lack those that no pixel shows, unless a sphere covers more than
-# WIDE pixels on average: a grid of four million at 1920x1080 would take 0.8 s for that. One that covers more than LARGE
-# is in lists at any rate. To know how deep pixels are, so many spheres are enough that about FRONT of them cover each:
-# of a million on a line that leads away, a new camera of 64x64 pixels takes 44 ms of a processor's time instead of 95.
-CROWD, WIDE, LARGE, FRONT = 8, 16, 256, 16
-# A sphere hides what is behind at most so many columns and rows of tiles: many large ones would take long.
-MOST = 8
-# Of one in so many spheres it is asked how deep those are that cover the tiles so many times.
-STRIDE, LAYERS = 64, 4
+from cltrace.plan.rounding import Array, Ints, Mask, along, rotated, rounded_down
 
 
 @dataclass(frozen=True)
@@ -216,75 +199,3 @@ def nearest(distance: Reals, r: Reals, power: Array) -> NDArray[np.float32]:
     # right to 5.
     gap = np.abs(power.astype(np.float32)) / (distance + r)
     return np.where(gap > 2.0**-50, gap * gap * (1 - 2.0**-19), -1).astype(np.float32)
-
-
-def is_deep(request: Request, spheres: int, members: int, entries: int) -> bool:
-    """Whether the picture's lists lack what is behind other spheres, see behind().
-
-    spheres: how many there are, whole discs all of them, and nothing else; members: how many of them are in the
-    picture; entries: how many tiles these cover. In single, rays are not decided exactly, which the proof asks for;
-    where pixels are antialiased, it is not their centres alone that count.
-    """
-    return spheres >= FEWEST and entries > DEEP * members and request.precision != "single" and not request.means
-
-
-def is_coarse(request: Request, spheres: int, window: Window) -> bool:
-    """Whether a picture is so coarse that its lists lack the spheres that no pixel shows, if a device makes them.
-
-    spheres, and why it is not done elsewhere: see is_deep(). 16 bits have to tell which pixels a sphere covers.
-    """
-    width, height = window.region[2:]
-    crowded = spheres >= FEWEST and spheres > CROWD * width * height and max(window.size) < 2**15
-    return crowded and request.precision != "single" and not request.means and not window.parallel
-
-
-def front_of(near: NDArray[np.float32], more: NDArray[Any], tiles: int) -> np.float32:
-    """How deep the spheres are that may cover the tiles in front of others: enough of them for nearly all, by a sample.
-
-    near: (s,), the depths of the sphere with index 0 and of each one STRIDE further, infinite for those that are not in
-    the picture; more: (2, s), how many columns and rows of tiles each one covers beside one; tiles: how many there are.
-    """
-    order = np.argsort(near, kind="stable")
-    # A disc of which the rectangle has m + 1 tiles a side covers about (m - 1)^2 / 2 of them as a whole.
-    wide, high = np.maximum(more.take(order, axis=1).astype(np.float64) - 1, 0)
-    enough = np.flatnonzero(np.cumsum(wide * high) * (STRIDE / 2) >= LAYERS * tiles)
-    return np.float32(near[order[enough[0]]] if len(enough) else np.inf)
-
-
-def behind(grid: CellGrid, discs: Discs, window: Window) -> NDArray[np.float32]:
-    """CellGrid.behind of the tiles: squared distances within which each ray of a tile has met a sphere.
-
-    discs: of rays from the eye. Let (x, y, -d) be the centre of one that is ahead,
-    with the eye outside, and r its radius. The plane z = -d cuts it in a circle of radius r around the centre, so rays
-    with slopes within r / d of (x, y) / d pass through a point of it. Tiles are covered of which the centres of all
-    pixels are in a square in that circle. There, a ray meets the sphere first where it is at most sqrt(p) away from the
-    eye, p = x^2 + y^2 + d^2 - r^2, as the product of the two distances is p. What has its nearest point further away is
-    not met before, nor as far away.
-
-    Of a covered tile, the circle has a radius of 2 pixels or more, and places of up to 2^16 pixels are off by less than
-    2^-30: the hundredth that SQUARE lacks is more. Depths have 2^-19 of themselves as a margin, and p is off by 2^-50.
-    """
-    columns, rows = grid.cells
-    found = np.full(columns * rows, np.inf, np.float32)
-    sample = np.flatnonzero(grid.member % STRIDE == 0)
-    front = front_of(grid.near[sample], grid.covers[2:, sample], columns * rows)
-    for i in range(0, len(grid.member), AT_ONCE):
-        large = grid.covers[2:, i : i + AT_ONCE].min(axis=0) > 0
-        which = grid.member[i : i + AT_ONCE][large & (grid.near[i : i + AT_ONCE] <= front)]
-        (x, y, z), r, power = discs.center[which].T, discs.radius[which], discs.power[which]
-        ahead = np.flatnonzero((-z > r) & (power > 0))
-        d, x, y, r, far = -z[ahead], x[ahead], y[ahead], r[ahead], rounded_up(power[ahead])
-        half, first, more = r * SQUARE / d, [], []
-        for c, axis, size, cells in zip((x, -y), window.axes, window.size, grid.cells, strict=True):
-            place, reach = c / d * axis.scale + (size - 1) / 2, half * axis.scale
-            begin = np.clip(np.ceil(place - reach), 0, cells << SHIFT).astype(np.int32)
-            end = np.clip(np.floor(place + reach), -1, (cells << SHIFT) - 1).astype(np.int32)
-            first.append(begin + (CONSTANTS["TILE"] - 1) >> SHIFT)
-            more.append(np.minimum((end + 1 >> SHIFT) - 1 - first[-1], MOST - 1))
-        some = np.flatnonzero((more[0] >= 0) & (more[1] >= 0))
-        (left, top), (wide, high) = (np.array(v)[:, some].astype(np.int16) for v in (first, more))
-        covered = spread(high, columns, top.astype(np.int64) * columns + left, wide, far[some])
-        cell, wide, far = joined(list(covered))
-        for part, depth in spread(wide, 1, cell, far):
-            np.minimum.at(found, part, depth)
-    return found.reshape(rows, columns)

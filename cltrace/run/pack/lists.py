@@ -159,33 +159,20 @@ class ListWriter:
         # Where lists began, where those of the second grid did, and where the next ones belong: a cell and an entry.
         self._begin = self._second = self._next = (0, 0)
 
-    def add(self, grid: CellGrid, covers: Covers, behind: Any = None) -> None:
-        """Makes the lists of a grid, whose own members are not looked at. behind: of CellGrid, a buffer."""
+    def add(self, grid: CellGrid, covers: Covers) -> None:
+        """Makes the lists of a grid, whose own members are not looked at."""
         tools, layout = self._tools, self._layout(grid, covers)
-        if grid.cells == (1, 1):
-            behind = None
-        deepest = covers.near if behind is None else self._deepest(grid, layout.keys, behind)
         spheres = covers.arguments | {"lift": -1 if layout.lift is None else layout.lift}
-        spheres |= {"some": behind is not None, "deepest": deepest}
         counts = tools.room(layout.keys.cells, np.int32)
         tools.clear(counts, layout.keys.cells)
         if layout.entries:
             tools.run("count_entries", **spheres, levels=_levels(tools, layout.keys), count=counts)
-        self._list(grid, layout, counts, partial(tools.run, "scatter_entries", **spheres), behind is not None)
+        self._list(grid, layout, counts, partial(tools.run, "scatter_entries", **spheres))
 
-    def _deepest(self, grid: CellGrid, keys: Keys, behind: Any) -> Any:
-        """A buffer with the largest `behind` of each cell."""
-        tools, found = self._tools, self._tools.room(keys.cells, np.float32)
-        cells: Arguments = {"columns": grid.cells[0], "rows": grid.cells[1], "mask": keys.mask}
-        tools.run("find_deepest", **cells, levels=_levels(tools, keys), behind=behind, deepest=found)
-        return found
-
-    def _list(self, grid: CellGrid, layout: _Layout, counts: Any, scatter: Scatter, fewer: bool = False) -> None:
-        """Makes lists of which it is known how many entries each cell has. fewer: whether they may be less in all."""
+    def _list(self, grid: CellGrid, layout: _Layout, counts: Any, scatter: Scatter) -> None:
+        """Makes lists of which it is known how many entries each cell has."""
         tools, sums, keys, entries = self._tools, self._tools.room(ITEMS, np.int32), layout.keys, layout.entries
         tools.run("sum_cells", items=ITEMS, cells=keys.cells, count=counts, sum=sums)
-        if fewer:
-            entries = int(tools.read(sums, ITEMS, np.int32).sum())
         at, first = self._place(keys.cells, entries)
         lists, entry = {"cells": keys.cells, "at": at, "start": self.lists.start}, self.lists.entry
         tools.run("start_cells", items=ITEMS, **lists, first=first, count=counts, sum=sums)

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from cltrace.base.waiting import Announcement
 from cltrace.plan import abi
 from cltrace.plan.accel.cells import NOBODY, SLACK, CellGrid
-from cltrace.plan.accel.discs import FRONT, LARGE, LAYERS, MOST, SQUARE, STRIDE, WIDE, front_of, is_coarse, is_deep
 from cltrace.plan.accel.light_buffer import (
     SAMPLE,
     SIDES,
@@ -206,7 +205,6 @@ class _SeenSpheres:
         while k != (k := exponent_of(self.world, self.camera, (), most)):
             self.k, self.unit = k, 2.0**k
             self.window = Window.of(self.camera, packer.request, k)
-            self.coarse = is_coarse(packer.request, self.n, self.window)
             if min(self.window.step) <= (FINE if parallel else TINY):
                 return None
             part = self._see_all()
@@ -217,9 +215,6 @@ class _SeenSpheres:
             index, hi, lo = (tools.upload(values) for values in (rows, space.power, space.power_rest))
             tools.run("mend_eye", count=len(rows), index=index, hi=hi, lo=lo, **self._eye, **self._axes)
             inside |= not parallel and bool((space.power <= 0).any())
-        self.pictured = self.covers.members
-        if self.coarse:
-            self._sift()
         return inside, int(part[:, 2].sum())
 
     def _largest_of_some(self) -> float:
@@ -232,8 +227,7 @@ class _SeenSpheres:
         """Makes what the eye sees if k is what it is, and returns NOTES of kernels/pack/eye.cl."""
         tools, covers, shell = self.tools, self.covers, self._shell()
         tools.clear(self.unsure, 1)
-        shift = 0 if self.coarse else SHIFT
-        arguments: Arguments = {"pitch": self.pitch, "slack": self.slack, "shift": shift, "keep_seen": self.any_along}
+        arguments: Arguments = {"pitch": self.pitch, "slack": self.slack, "shift": SHIFT, "keep_seen": self.any_along}
         arguments |= {"shell": tools.upload(shell), "shells": len(shell)}
         arguments |= {"again": self.packer.again, "some_again": self.packer.some_again}
         for name, axis in zip("xy", self.window.axes, strict=True):
@@ -245,24 +239,6 @@ class _SeenSpheres:
         covers.members, covers.entries = (int(total) for total in part[:, 3:5].sum(axis=0))
         covers.last = int(part[:, 5].max())
         return part
-
-    def _sift(self) -> None:
-        """Leaves spheres out of `covers` that no pixel of a coarse picture shows, and has it count tiles."""
-        tools, covers, (x, y, width, height) = self.tools, self.covers, self.window.region
-        behind = tools.room(width * height, np.float32)
-        tools.clear(behind, width * height, value=np.float32(np.inf))
-        arguments: Arguments = {name: self.made[name] for name in ("center_radius", "power")}
-        for name, axis, size in zip("xy", self.window.axes, self.window.size, strict=True):
-            arguments[f"{name}_axis"] = (1 / axis.scale, (size - 1) / 2)
-        # Those that cover more pixels than `most` are not looked at. Where few cover a pixel, lists are short already.
-        most = LARGE if LAYERS * width * height < covers.entries <= WIDE * self.n else 0
-        stride = max(1, covers.entries // (FRONT * width * height))
-        arguments |= {"unit": self.unit, "region": (x, y, width, height), "most": most, "behind": behind}
-        if most:
-            tools.run("cover_pixels", **covers.arguments, **arguments, stride=stride)
-        part = tools.noted("sift", 3, np.int64, **covers.arguments, **arguments, shift=SHIFT)
-        covers.members, covers.entries = part[:, :2].sum(axis=0).tolist()
-        covers.last = int(part[:, 2].max())
 
     def _shell(self) -> Array:
         """(s, 4): centres in the world of spheres that hide others inside, and how large these may be."""
@@ -287,8 +263,8 @@ class _SeenSpheres:
         lists = known.lists if known and known.lists else ListBuffers.of(tools, self.n, m)
         writer = ListWriter(tools, self.packer.request.precision, lists)
         grid = picture_grid(self.window.size, NOBODY)
-        writer.add(grid, self.covers, self._behind(grid))
-        skipped["spheres out of the picture"] = self.n - self.pictured
+        writer.add(grid, self.covers)
+        skipped["spheres out of the picture"] = self.n - self.covers.members
 
         what = "spheres that shadow nothing seen, per light"
         if not m:
@@ -321,25 +297,6 @@ class _SeenSpheres:
                 key, self.camera, self.light, **made, grids=self.grids, listed=[], lists=None, idle=idle
             )
         return light_buffer, writer
-
-    def _behind(self, grid: CellGrid) -> Any:
-        """CellGrid.behind of the tiles, a buffer, or None."""
-        covers, tools, (columns, rows) = self.covers, self.tools, grid.cells
-        if self.camera.parallel or not is_deep(self.packer.request, self.n, covers.members, covers.entries):
-            return None
-        behind = tools.room(columns * rows, np.float32)
-        tools.clear(behind, columns * rows, value=np.float32(np.inf))
-        count = (self.n - 1) // STRIDE + 1
-        sample = tools.room(3 * count, np.float32)
-        tools.run("sample_covers", **covers.arguments, stride=STRIDE, sample=sample)
-        near, *more = tools.read(sample, 3 * count, np.float32).reshape(count, 3).T
-        front = front_of(near, np.array(more), columns * rows)
-        arguments: Arguments = {name: self.made[name] for name in ("center_radius", "power")}
-        for name, axis, size in zip("xy", self.window.axes, self.window.size, strict=True):
-            arguments[f"{name}_axis"] = (axis.scale, (size - 1) / 2)
-        arguments |= {"unit": self.unit, "cells": grid.cells, "shift": SHIFT, "square": SQUARE, "most": MOST}
-        tools.run("cover_tiles", **covers.arguments, **arguments, front=front, behind=behind)
-        return behind
 
     def _see_again(self, lamps: _Lamps, writer: ListWriter) -> None:
         """Adds what lights see, of which a camera changes directions alone."""

@@ -19,12 +19,10 @@ from cltrace.run.program import context_of, program, source
 # Of a kernel, by the names of its parameters.
 Arguments = dict[str, Any]
 EdgeType = type[np.float32] | type[np.float64]
-# The files of every program, and those that only one has whose discs have edges in float, or in double; and of the
-# former that only one has which packs doubles.
+# The files of every program, and those that only one has whose discs have edges in float, or in double.
 COMMON = ("packet.cl", "abi", "pairs.cl", "pack/sums.cl", "pack/rows.cl", "pack/space.cl", "pack/tiles.cl")
 OF_FLOAT = ("pack/eye.cl", "pack/cells.cl", "pack/facets.cl", "pack/polygons.cl")
 OF_DOUBLE = ("pack/along.cl",)
-TO_DOUBLE = ("pack/behind.cl",)
 # Vectors in memory begin at multiples of their size.
 PAGE = 4096
 # One camera's Views have at most so many buffers of one size.
@@ -190,5 +188,5 @@ def _program(device: Device, single: bool, double_edges: bool) -> tuple[Any, dic
 def program_of(single: bool, double_edges: bool) -> tuple[tuple[str, ...], dict[str, str]]:
     """The files of a program, and the types that it is given: of the buffers that it packs, and of discs' edges."""
     out, edge = "float" if single else "double", "double" if double_edges else "float"
-    own = OF_DOUBLE if double_edges else OF_FLOAT + (() if single else TO_DOUBLE)
-    return COMMON + own, {"out2": f"{out}2", "out4": f"{out}4", "edge_t": edge, "edge4": f"{edge}4"}
+    files = COMMON + (OF_DOUBLE if double_edges else OF_FLOAT)
+    return files, {"out2": f"{out}2", "out4": f"{out}4", "edge_t": edge, "edge4": f"{edge}4"}
