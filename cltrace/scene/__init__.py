@@ -1,8 +1,8 @@
 """What a picture depends on, in world space: immutable, without files, bytes or devices."""
 
-from cltrace.scene.boxes import axes, box_corners, box_edges, box_images
 from cltrace.scene.camera import AnyCamera, Camera, Orthographic, check_resolution
 from cltrace.scene.changes import with_spheres
+from cltrace.scene.cylinders import CYLINDER, Bonds, axes, box_corners, box_edges, box_images
 from cltrace.scene.lights import (
     AMBIENT,
     BALL,
@@ -17,6 +17,8 @@ from cltrace.scene.lights import (
     SUN,
     ambient_light,
     ball_light,
+    lamps_of,
+    members_of,
     panel_light,
     parallel_light,
     point_light,
@@ -25,17 +27,13 @@ from cltrace.scene.lights import (
     spot_light,
     sun_light,
 )
-from cltrace.scene.maps import uniform_scales
 from cltrace.scene.materials import FULL, MATERIAL, SIGNED_FULL, Material, Texture, texels
-from cltrace.scene.members import lamps_of, members_of
 from cltrace.scene.meshes import Geometry, Mesh, PlacedMesh, place_faults
 from cltrace.scene.rules import ANY, CONE, FOV, NOT_NEGATIVE, POSITIVE, Rule, Vector
-from cltrace.scene.scene import Scene, share_all_but_camera
+from cltrace.scene.scene import OTHER_FIELDS, Scene, share_all_but_camera
 from cltrace.scene.shapes.cut import CUT
-from cltrace.scene.shapes.cylinder import CYLINDER, Bonds
-from cltrace.scene.shapes.table import OTHER_FIELDS
 from cltrace.scene.source import MeshFile, Source
-from cltrace.scene.surfaces import SPHERE, extent_faults, inverse_faults, reaches
+from cltrace.scene.spheres import SPHERE, extent_faults, inverse_faults, reaches, uniform_scales
 
 __all__ = [
     "AMBIENT",

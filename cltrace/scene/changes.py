@@ -11,12 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from cltrace.scene.colormaps import colors_given
 from cltrace.scene.colors import decoded
-from cltrace.scene.columns import ARGUMENTS, Columns, Shade, column, points, shades
 from cltrace.scene.materials import check_index, packed
 from cltrace.scene.rules import POSITIVE
 from cltrace.scene.scene import Scene
-from cltrace.scene.shapes.shape import Other, held
-from cltrace.scene.surfaces import extent_faults, reaches
+from cltrace.scene.spheres import ARGUMENTS, Columns, Shade, column, extent_faults, points, reaches, shades
+from cltrace.scene.surfaces import NumberedSurfaces, fields_of
 
 
 def with_spheres(scene: Scene, given: Mapping[str, ArrayLike]) -> Scene:
@@ -53,13 +52,13 @@ def with_spheres(scene: Scene, given: Mapping[str, ArrayLike]) -> Scene:
     shade = shades({names[argument]: value for argument, value in given.items() if argument in names}, n)
     if "color" in shade:
         shade["color"] = decoded(shade["color"], scene.transfer)
-    made = scene.with_fields(columns=columns, **held(others), **{"scale": scale} if scale else {})
+    made = scene.with_fields(columns=columns, **fields_of(others), **{"scale": scale} if scale else {})
     if len(columns) != len(scene.columns) or shade:
         made = _shaded(made, shade)
     return made.following()
 
 
-def _with_number(scene: Scene, given: Mapping[str, ArrayLike], n: int) -> tuple[Other, ...]:
+def _with_number(scene: Scene, given: Mapping[str, ArrayLike], n: int) -> tuple[NumberedSurfaces, ...]:
     """The other surfaces, if the number of spheres becomes n. Raises ValueError if it may not with what is given."""
     columns = scene.columns
     was = len(columns)
@@ -114,7 +113,7 @@ def _shaded(scene: Scene, given: Shade) -> Scene:
         own = np.split(of, np.cumsum([len(part) for part in parts])[:-1])
         others = tuple(shape.with_materials(some) for shape, some in zip(others, own, strict=True))
     found = replace(columns, material=material, shade=shade, count=count, rest=rest, follows=follows)
-    return scene.with_fields(columns=found, **held(others))
+    return scene.with_fields(columns=found, **fields_of(others))
 
 
 def _of_spheres(columns: Columns, name: str) -> NDArray[Any]:

@@ -15,14 +15,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.arithmetic import inverses
 from cltrace.base.limits import MAX_CYLINDERS
-from cltrace.scene.columns import Columns
+from cltrace.scene.cylinders import colors_of, linear
 from cltrace.scene.materials import Material, packed, records
 from cltrace.scene.meshes import PlacedMesh, check_size
 from cltrace.scene.rules import ANY, checked
 from cltrace.scene.sections import Section
 from cltrace.scene.shapes.cut import CUT
-from cltrace.scene.shapes.cylinder import colors_of, linear
-from cltrace.scene.shapes.shape import Floats
+from cltrace.scene.spheres import Columns
+from cltrace.scene.surfaces import Floats
 
 if TYPE_CHECKING:
     from cltrace.scene.scene import Scene

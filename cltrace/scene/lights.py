@@ -1,17 +1,19 @@
 """Lights: one record each, and the functions that make them.
 
 Colours are linear and may exceed 1. They may be texts, such as "white" or "#ffe0c0", whose bytes are divided by 255.
-A soft light stands for many, its members: see members.py beside this file.
+A soft light stands for many, its members, which are listed at the end of this file.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.limits import MAX_LIGHTS, hint
+from cltrace.scene.camera import Fitted, reaches_if_any
 from cltrace.scene.colors import color_numbers
 from cltrace.scene.rules import ANY, CONE, NOT_NEGATIVE, check_not_bytes, checked, described, is_whole, numbers
 
@@ -240,3 +242,190 @@ def spans_no_area(across: NDArray[np.float64], along: NDArray[np.float64]) -> bo
     """Whether two vectors (3,) have no normal, as far as doubles can tell."""
     sizes = np.abs(across).max(), np.abs(along).max()
     return not all(sizes) or not np.cross(across / sizes[0], along / sizes[1]).any()
+
+
+# The members of soft lights: fixed sets of directions and points, of low discrepancy.
+#
+# Nothing is random here: a picture is the same everywhere, a movie does not flicker, and each member is a light whose
+# shadows are exact. Directions are a Fibonacci lattice, as in R. Swinbank and R. J. Purser, Fibonacci grids (2006):
+# each one goes on by the golden angle about the axis, and by the same share of the area along it.
+
+Array = NDArray[np.float64]
+# The golden ratio, whose multiples are spread most evenly over a circle of length 1, however many there are, and a
+# number that is likewise for pairs with it: the plastic number, the root of x^3 = x + 1.
+GOLDEN, PLASTIC = (1 + math.sqrt(5)) / 2, 1.3247179572447460
+
+
+def members_of(light: np.void) -> NDArray[np.void]:
+    """(m,) of LIGHT, none of them soft: what a light stands for. One that is not soft is its own member."""
+    members = MEMBERS.get(int(light["kind"]))
+    return members(light) if members else np.array([light], LIGHT)
+
+
+def lamps_of(lights: NDArray[np.void]) -> tuple[NDArray[np.void], NDArray[np.intp]]:
+    """The members of all lights, one light's after the other's, and the index of each one's light.
+
+    Where no light is soft, they are the lights themselves, the same array.
+    """
+    if not np.isin(lights["kind"], SOFT).any():
+        return lights, np.arange(len(lights))
+    members = [members_of(light) for light in lights]
+    return np.concatenate(members), np.repeat(np.arange(len(lights)), [len(some) for some in members])
+
+
+def _turns(n: int) -> Array:
+    """(n,): the angles of a Fibonacci lattice about its axis, radians."""
+    return np.asarray(2 * np.pi * np.mod(np.arange(n) / GOLDEN, 1.0))
+
+
+def middles(n: int) -> Array:
+    """(n,): the middles of n equal parts of 0..1."""
+    return np.asarray((np.arange(n) + 0.5) / n)
+
+
+def axes_about(axis: Array) -> Array:
+    """(3, 3): two unit vectors across an axis of any length but 0, and its own; the first one always is the same."""
+    ahead = axis / np.abs(axis).max()
+    ahead /= np.sqrt((ahead * ahead).sum())
+    across = np.cross(np.eye(3)[np.argmin(np.abs(ahead))], ahead)
+    across /= np.sqrt((across * across).sum())
+    return np.array([across, np.cross(ahead, across), ahead])
+
+
+def cap(axis: Array, angle: float, n: int) -> Array:
+    """(n, 3): unit vectors, evenly spread over those that are at most `angle` degrees off an axis."""
+    height = 1 - (1 - math.cos(math.radians(angle))) * middles(n)
+    return _on_circles(np.sqrt((1 - height) * (1 + height)), height, n) @ axes_about(axis)
+
+
+def ball(n: int) -> Array:
+    """(n, 3): points of the unit ball which, seen from any side, are spread evenly over its disc.
+
+    With the density 1 / (pi^2 sqrt(1 - r^2)) about the middle, what lies behind each another at the distance p from the
+    middle is 2 / pi^2 times the integral of r dr / (sqrt(1 - r^2) sqrt(r^2 - p^2)) from p to 1, which is pi / 2
+    whatever p is (Abel). With r = sin(a), the share of it within r is (2 a - sin(2 a)) / pi.
+    """
+    share = np.mod(0.5 + np.arange(n) / PLASTIC, 1.0)
+    low, high = np.zeros(n), np.full(n, np.pi / 2)
+    for _ in range(60):  # halves: the share grows with a
+        middle = (low + high) / 2
+        below = (2 * middle - np.sin(2 * middle)) / np.pi < share
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    height = 1 - 2 * middles(n)
+    return np.asarray(np.sin(high)[:, None] * _on_circles(np.sqrt((1 - height) * (1 + height)), height, n))
+
+
+def _on_circles(radius: Array, height: Array, n: int) -> Array:
+    """(n, 3): points on circles about the third axis, each at the next of _turns()."""
+    return np.stack([radius * np.cos(_turns(n)), radius * np.sin(_turns(n)), height], axis=1)
+
+
+def _some(light: np.void, kind: int, **columns: Array) -> NDArray[np.void]:
+    """The members of a light, of one kind, each with its share of the colour unless that is given."""
+    found = np.zeros(int(light["members"]), LIGHT)
+    found["kind"], found["direction"] = kind, (0, 0, -1)
+    for name, values in ({"color": light["color"] / len(found)} | columns).items():
+        found[name] = values
+    return found
+
+
+def _of_cap(light: np.void) -> NDArray[np.void]:
+    n, axis = int(light["members"]), -light["direction"]
+    towards = cap(axis, float(light["alpha2"]), n)
+    high = (1 + towards @ axes_about(axis)[2])[:, None] / 2
+    even = (light["color"] == light["below"]).all()
+    color = light["color"] if even else high * light["color"] + (1 - high) * light["below"]
+    return _some(light, PARALLEL, direction=-towards, color=color / n)
+
+
+def _of_ball(light: np.void) -> NDArray[np.void]:
+    return _some(light, POINT, position=light["position"] + light["radius"] * ball(int(light["members"])))
+
+
+def _of_panel(light: np.void) -> NDArray[np.void]:
+    (across, along), n = light["edges"], int(light["members"])
+    x, y = middles(n) - 0.5, np.mod(np.arange(n) / GOLDEN + 0.5, 1.0) - 0.5
+    sizes = np.abs(across).max(), np.abs(along).max()
+    normal = np.cross(across / sizes[0], along / sizes[1])
+    place = light["position"] + x[:, None] * across + y[:, None] * along
+    return _some(light, LAMBERT, position=place, direction=normal)
+
+
+# By the kinds of soft lights.
+MEMBERS: dict[int, Callable[[np.void], NDArray[np.void]]] = {
+    SKY: _of_cap,
+    SUN: _of_cap,
+    BALL: _of_ball,
+    PANEL: _of_panel,
+}
+
+
+# Lights by name: settings that look right at once, placed about a scene as its camera sees it. They are made for the
+# coefficients that Scene.from_spheres and Material have unless told otherwise, ka = kd = 0.8.
+
+LightList = list[NDArray[np.void]]
+# Directions as the camera sees them: rightwards, upwards, and towards it.
+KEY, EDGE = (-2.0, 2.5, 3.0), (1.0, 0.6, -1.2)
+
+
+class SceneFrame:
+    """Where a scene is.
+
+    axes: (3, 3), its camera's right, up and back in the world; middle, radius: of a ball that holds its surfaces.
+    """
+
+    def __init__(self, scene: Fitted) -> None:
+        self.axes = np.array(scene.camera.basis())
+        self.middle, self.radius = np.zeros(3), 1.0
+        reaches = reaches_if_any(scene, [*self.axes, *-self.axes])
+        if reaches is not None:
+            high, low = np.split(reaches, 2)
+            self.middle = (high / 2 - low / 2) @ self.axes
+            self.radius = float(np.hypot(*np.hypot((high / 2 + low / 2)[:2], (high / 2 + low / 2)[2])))
+
+    def world(self, direction: tuple[float, float, float]) -> NDArray[np.float64]:
+        """A direction as the camera sees it, in the world."""
+        return np.asarray(np.array(direction) @ self.axes)
+
+
+def _studio(at: SceneFrame) -> LightList:
+    """A bright sky above, a large lamp over the left shoulder, and an edge of light from behind."""
+    towards = at.world(KEY)
+    across = np.cross(at.axes[1], towards)
+    along = np.cross(towards, across)
+    across, along = (2 * at.radius * v / np.sqrt(v @ v) for v in (across, along))
+    # The lamp shines to the side of across x along, which is towards itself from the scene: so `across` is turned.
+    lamp = panel_light(at.middle + at.radius * towards, (0.7, 0.7, 0.7), -across, along)
+    rim = sun_light(-at.world(EDGE), (0.35, 0.35, 0.35), angle=10, directions=8)
+    return [sky_light((2.8, 2.8, 2.8), at.axes[1], (1.4, 1.4, 1.4)), lamp, rim]
+
+
+def _flat(at: SceneFrame) -> LightList:
+    """Each surface shows exactly its colour, without shade or shadow."""
+    return [ambient_light((1.25, 1.25, 1.25))]
+
+
+def _sky(at: SceneFrame) -> LightList:
+    """A bright sky all around, a little brighter above: what is hidden from it is dark."""
+    return [sky_light((4.0, 4.0, 4.0), at.axes[1], (3.0, 3.0, 3.0))]
+
+
+def _rim(at: SceneFrame) -> LightList:
+    """Edges of light from behind, for a dark background."""
+    right, up, back = EDGE
+    sides = [at.world((side * right, up, back)) for side in (-1, 1)]
+    return [ambient_light((0.2, 0.2, 0.2)), *(sun_light(-side, (0.9, 0.9, 0.9), angle=8) for side in sides)]
+
+
+SETTINGS: dict[str, Callable[[SceneFrame], LightList]] = {"studio": _studio, "flat": _flat, "sky": _sky, "rim": _rim}
+
+
+def check_setting(name: str) -> None:
+    """Raises ValueError if no setting has this name."""
+    if name not in SETTINGS:
+        raise ValueError(f"lights: must be one of {', '.join(SETTINGS)}, or a list of lights, got {name!r}")
+
+
+def setting(name: str, scene: Fitted) -> LightList:
+    """The lights of a setting for a scene."""
+    return SETTINGS[name](SceneFrame(scene))

@@ -7,25 +7,27 @@ places it, they are rounded once, and the triangles between the rounded ones are
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from itertools import product
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.base.arithmetic import inverses, whole_inverse
+from cltrace.base.arithmetic import add_quickly, inverses, two_product, whole_inverse
 from cltrace.base.arrays import blockwise
 from cltrace.base.limits import MAX_MESHES, MAX_TRIANGLES, MAX_VERTICES
 from cltrace.scene.colors import Transfer
-from cltrace.scene.maps import affine
 from cltrace.scene.materials import Frozen, Material
 from cltrace.scene.mesh_colors import MeshColors
 from cltrace.scene.mesh_sources import Found
 from cltrace.scene.rules import ANY, check_rule, checked, described, is_whole, large_or_numbers, numbers
-from cltrace.scene.surfaces import inverse_faults
+from cltrace.scene.spheres import inverse_faults
+from cltrace.scene.surfaces import Floats, Ids, NumberedSurfaces
 
 _IDENTITY = np.eye(3, 4)
+_POINTS = 4096  # the temporary arrays of so many points stay in the caches
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -452,3 +454,74 @@ def _columns(rows: NDArray[np.float64], which: NDArray[np.int32]) -> NDArray[np.
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:
     array.flags.writeable = False
     return array
+
+
+def affine(matrix: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The points (n, 3) that a (3, 4) matrix makes of (n, 3), each number rounded once from a pair of doubles.
+
+    The products are exact. Their sum is right to 2^-104 of the terms' size before it is rounded.
+    """
+    result = np.empty(points.shape)
+    for start in range(0, len(points), _POINTS):
+        block = points[start : start + _POINTS]
+        for i, row in enumerate(matrix):
+            total = np.full(len(block), row[3]), np.zeros(len(block))
+            for j in np.flatnonzero(row[:3]).tolist():
+                total = add_quickly(total, two_product(row[j : j + 1], block[:, j]))
+            result[start : start + _POINTS, i] = total[0]
+    return result + 0.0  # makes -0 a 0
+
+
+@dataclass(frozen=True, eq=False)
+class Meshes(NumberedSurfaces):
+    """meshes: by rising numbers."""
+
+    meshes: tuple[PlacedMesh, ...] = ()
+    words: ClassVar[str] = "meshes"
+
+    @classmethod
+    def checked(cls, given: Mapping[str, Any], materials: int, spheres: int) -> Meshes:
+        return cls(check_meshes(given["meshes"], materials))
+
+    def __len__(self) -> int:
+        return len(self.meshes)
+
+    def __str__(self) -> str:
+        return f"{len(self)} meshes of {self.triangles} triangles"
+
+    @property
+    def triangles(self) -> int:
+        """How many they have together."""
+        return sum(len(mesh.geometry.faces) for mesh in self.meshes)
+
+    @property
+    def numbers(self) -> Ids:
+        return np.array([mesh.number for mesh in self.meshes], np.int64)
+
+    @property
+    def materials(self) -> Ids:
+        return np.array([mesh.material for mesh in self.meshes], np.int64)
+
+    def with_materials(self, materials: Ids) -> Meshes:
+        return Meshes(tuple(mesh.of(k, mesh.number) for mesh, k in zip(self.meshes, materials.tolist(), strict=True)))
+
+    def beside(self, spheres: int, was: int) -> Meshes:
+        if any(mesh.number < was for mesh in self.meshes):
+            raise ValueError(f"centers: must be {was}, as there are meshes between the spheres, got {spheres}")
+        return Meshes(tuple(mesh.of(mesh.material, mesh.number + spheres - was) for mesh in self.meshes))
+
+    def moved(self, moves: Floats, first: int, spheres: int) -> Meshes:
+        found = tuple(mesh.moved(move, first + i) for i, (move, mesh) in enumerate(product(moves, self.meshes)))
+        check_size(found)
+        return Meshes(found)
+
+    def reach(self, directions: Floats) -> list[Floats]:
+        def corners(block: slice) -> Floats:
+            return np.asarray((vertices[block] @ directions.T).max(axis=0))
+
+        parts: list[Floats] = []
+        for mesh in self.meshes:
+            if len(mesh.geometry.faces):
+                vertices = mesh.vertices[np.unique(mesh.geometry.faces)]
+                parts += blockwise(len(vertices), corners)
+        return parts

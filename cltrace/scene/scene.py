@@ -20,8 +20,8 @@ from cltrace.scene.camera import AnyCamera, Camera, Orthographic
 from cltrace.scene.clipping import clipped
 from cltrace.scene.colormaps import Scale, colors_given
 from cltrace.scene.colors import Transfer, background_of, check_transfer, decoded
-from cltrace.scene.columns import Columns, column, points, shades
-from cltrace.scene.lights import check_lights, joined
+from cltrace.scene.cylinders import Bonds, Cylinders, bonds_of, cylinders_of, halved, linear, materials_of
+from cltrace.scene.lights import check_lights, check_setting, joined, lamps_of, setting
 from cltrace.scene.materials import (
     COEFFICIENTS,
     MATERIAL,
@@ -33,19 +33,28 @@ from cltrace.scene.materials import (
     linear_texels,
     records,
 )
-from cltrace.scene.members import lamps_of
-from cltrace.scene.meshes import Mesh, PlacedMesh, check_size, materials_shown, mesh_list
+from cltrace.scene.meshes import Mesh, Meshes, PlacedMesh, check_size, materials_shown, mesh_list
 from cltrace.scene.rules import ANY, POSITIVE, Vector, checked, described, records_of
-from cltrace.scene.settings import check_setting, setting
-from cltrace.scene.shapes.cylinder import Bonds, bonds_of, cylinders_of, halved, linear, materials_of
-from cltrace.scene.shapes.mesh import Meshes
-from cltrace.scene.shapes.shape import Other, Shape, held
-from cltrace.scene.shapes.sphere import Spheres
-from cltrace.scene.shapes.table import OTHERS
+from cltrace.scene.shapes.cut import Cuts
 from cltrace.scene.source import Source
-from cltrace.scene.surfaces import SPHERE, check_spheres, checked_maps, shaped
+from cltrace.scene.spheres import (
+    SPHERE,
+    Columns,
+    Spheres,
+    check_spheres,
+    checked_maps,
+    column,
+    points,
+    shades,
+    shaped,
+)
+from cltrace.scene.surfaces import NumberedSurfaces, Surfaces, fields_of
 
 Lights = Iterable[NDArray[np.void]] | NDArray[np.void]
+# The surfaces beside the spheres, in the order in which they are numbered, after these. Cylinders are last, as their
+# number changes where bonds follow the spheres.
+OTHERS: tuple[type[NumberedSurfaces], ...] = (Meshes, Cuts, Cylinders)
+OTHER_FIELDS = tuple(f.name for row in OTHERS for f in fields(row))  # of Scene
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -125,7 +134,7 @@ class Scene:
         color, alpha = background_of(background, background_alpha)
         state: dict[str, Any] = {"camera": camera, "lights": joined(lights), "output_file": output_file}
         state |= {"background": color, "background_alpha": alpha, "spheres": balls, "materials": shades}
-        self._fill(state | held(others) | {"to_object": maps, "textures": images, "transfer": transfer})
+        self._fill(state | fields_of(others) | {"to_object": maps, "textures": images, "transfer": transfer})
 
     def _fill(self, state: dict[str, Any]) -> None:
         """Takes these fields as they are, of which all but lights and output_file have been checked.
@@ -198,12 +207,12 @@ class Scene:
         return other
 
     @property
-    def shapes(self) -> tuple[Shape, ...]:
+    def shapes(self) -> tuple[Surfaces, ...]:
         """All surfaces, by their shapes, the spheres first."""
         return (Spheres(self.columns, self.to_object), *self.others)
 
     @property
-    def others(self) -> tuple[Other, ...]:
+    def others(self) -> tuple[NumberedSurfaces, ...]:
         """Those beside the spheres, of each row of OTHERS."""
         return tuple(row(*(getattr(self, f.name) for f in fields(row))) for row in OTHERS)
 
@@ -238,7 +247,7 @@ class Scene:
     def following(self) -> Scene:
         """The same scene where what follows the spheres is where these are now."""
         first = sum(map(len, self.shapes[:-1]))
-        return self.with_fields(**held(shape.following(self.columns, first) for shape in self.others))
+        return self.with_fields(**fields_of(shape.following(self.columns, first) for shape in self.others))
 
     @property
     def mixed(self) -> bool:
@@ -411,7 +420,7 @@ class Scene:
         placed = tuple(mesh.placed.of(place[id(shown[i])], n + i) for i, mesh in enumerate(meshes))
         check_size(placed)
         scene, (color, alpha) = cls.__new__(cls), background_of(background, 1.0, transfer)
-        state = {**held(row() for row in OTHERS), **given, "transfer": transfer}
+        state = {**fields_of(row() for row in OTHERS), **given, "transfer": transfer}
         state |= {"columns": replace(columns, shade=shade, rest=more)}
         state |= {"background": color, "background_alpha": alpha, "meshes": placed, "textures": images}
         named = isinstance(given["lights"], str)
@@ -484,10 +493,10 @@ class Scene:
                 raise ValueError(f"offsets: {most}, got {len(moves)} times {shape.counted}")
         firsts = accumulate((len(moves) * len(shape) for shape in self.shapes), initial=0)
         made = [shape.moved(moves, k, len(self.columns)) for shape, k in zip(self.shapes, firsts, strict=False)]
-        return self.with_fields(**held(made)).following()
+        return self.with_fields(**fields_of(made)).following()
 
 
-def _check_numbers(others: Sequence[Other]) -> None:
+def _check_numbers(others: Sequence[NumberedSurfaces]) -> None:
     """Raises ValueError if a surface has a number that is taken."""
     found, counts = np.unique(np.concatenate([shape.numbers for shape in others]), return_counts=True)
     for number in found[counts > 1].tolist():

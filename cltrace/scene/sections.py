@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cltrace.base.limits import MAX_TRIANGLES
 from cltrace.scene.meshes import Geometry, PlacedMesh
 from cltrace.scene.rules import SMALLEST
-from cltrace.scene.shapes.shape import Floats
+from cltrace.scene.surfaces import Floats
 
 Ints = NDArray[np.int64]
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cltrace import Camera, Mesh, Orthographic, Scene
-from cltrace.scene.fit import VIEWS, reaches_of
+from cltrace.scene.camera import VIEWS, reaches_of
 
 WIDE, HIGH = (640, 480), (480, 640)
 

@@ -7,7 +7,7 @@ import pytest
 
 import cltrace
 from cltrace.scene import Scene
-from cltrace.scene.members import lamps_of
+from cltrace.scene.lights import lamps_of
 from cltrace.students import check as module
 from cltrace.students.check import check
 

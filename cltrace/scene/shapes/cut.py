@@ -1,4 +1,4 @@
-"""Balls that planes have cut, and the discs that cap them: a row of OTHERS.
+"""Balls that planes have cut, and the discs that cap them: one of OTHERS.
 
 The solid is { x : |x - center| <= radius, 0 <= (x - start).u <= u.u } with u = end - start, all of these numbers as
 they are. Of a flat one, the plane (x - start).u = 0 alone is there. Flat ones stand before those that they cap: where
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cltrace.base.arrays import blockwise
 from cltrace.base.limits import MAX_CYLINDERS
 from cltrace.scene.rules import ANY, POSITIVE, check_rule, records_of
-from cltrace.scene.shapes.shape import Floats, Ids, Other, moved
+from cltrace.scene.surfaces import Floats, Ids, NumberedSurfaces, moved
 
 CUT = np.dtype(
     [
@@ -33,7 +33,7 @@ CUT = np.dtype(
 
 
 @dataclass(frozen=True, eq=False)
-class Cuts(Other):
+class Cuts(NumberedSurfaces):
     """cuts: CUT."""
 
     cuts: NDArray[np.void] = field(default_factory=lambda: np.zeros(0, CUT))
