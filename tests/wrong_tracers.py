@@ -27,7 +27,7 @@ from PIL import Image as Picture
 
 import cltrace
 from cltrace import reference
-from cltrace.cli.arguments import picture_size
+from cltrace.cli.options import picture_size
 from cltrace.reference import (
     EYE,
     Color,

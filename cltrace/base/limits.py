@@ -36,7 +36,7 @@ MAX_CYLINDERS = 2**24
 # In all meshes of a scene. A mesh that is placed twice counts twice.
 MAX_TRIANGLES = MAX_VERTICES = 2**26
 MAX_MESHES = 2**16
-# Triangles of files that a scene names again, where nobody allows more by --instances: a few bytes ask for them, and to
+# Triangles of files that a scene names again, where nobody allows more by a limit: a few bytes ask for them, and to
 # draw one takes about 600 bytes at the peak, and up to 11 microseconds for the lists of each light.
 INSTANCES = 2**18
 MAX_TEXELS = 2**27  # in all textures of a scene

@@ -16,7 +16,7 @@ from importlib import metadata
 from pathlib import Path
 
 from cltrace.base.errors import UsageError
-from cltrace.cli.arguments import picture_size
+from cltrace.cli.options import picture_size
 from cltrace.formats.reader import read
 from cltrace.picture.files import whole_file
 from cltrace.plan.abi import Precision

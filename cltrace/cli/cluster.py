@@ -16,10 +16,8 @@ from typing import Any
 from cltrace.base.arrays import processors
 from cltrace.base.errors import DeviceError, MissingPackageError, UsageError
 from cltrace.base.waiting import Announcement
-from cltrace.cli.options import Tiles
-from cltrace.cli.output_files import targets_of, write_rows
-from cltrace.cli.reporter import Reporter
-from cltrace.cli.scenes import scene_of
+from cltrace.cli.files import Reporter, scene_of, targets_of, write_rows
+from cltrace.cli.options import Options
 from cltrace.plan.request import Request
 from cltrace.process.entry import imported
 from cltrace.process.forkserver import METHOD, prepare
@@ -43,23 +41,22 @@ TALKING = ("distributed", "distributed.client", "distributed.gc", "tornado.appli
 WORKERS = "cltrace.distributed.farm"
 
 
-def draw_tiles(work: Tiles, reporter: Reporter) -> int:
+def draw_tiles(options: Options, cluster: str, reporter: Reporter) -> int:
     """Draws one picture on a cluster, in tiles. Returns 0."""
-    scene = scene_of(work.scene, reporter)
-    (target,) = targets_of(scene, work, (".png",))
-    shown = {"show": work.look.show, "axes": work.look.axes(scene.camera)}
-    how = work.drawing.renderer_options(work.look.outputs)
-    how |= {"tiles": work.tiles, "device": work.drawing.device, "progress": reporter.progress}
-    height = Request(crop=work.drawing.crop).region_of(scene.camera.resolution)[3]
-    with client_of(work.cluster) as client:
-        from cltrace.distributed import tiles_of
+    scene = scene_of(options.scenes[0], options, reporter)
+    (target,) = targets_of(scene, options, (".png",))
+    how = options.renderer_options(options.shown)
+    how |= {"tiles": options.tiles, "device": options.device, "progress": reporter.progress}
+    try:
+        height = Request(crop=options.crop).region_of(scene.camera.resolution)[3]
+        with client_of(cluster) as client:
+            from cltrace.distributed import tiles_of
 
-        try:
             with closing(tiles_of(scene, client, **how)) as tiles:
-                write_rows(tiles, height, {target: shown})
-        except ValueError as error:
-            raise UsageError(str(error)) from None
-    reporter.say(f"cltrace: wrote {target}, on the cluster {work.cluster}")
+                write_rows(tiles, height, {target: {"show": options.show, "axes": options.axes(scene.camera)}})
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+    reporter.say(f"cltrace: wrote {target}, on the cluster {cluster}")
     return 0
 
 

@@ -2,103 +2,121 @@
 
 from __future__ import annotations
 
+import importlib
 import logging
 import sys
 from argparse import Namespace
+from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 
-from cltrace.cli.options import (
-    Compare,
-    Doctor,
-    Explain,
-    ListDevices,
-    Lit,
-    Movie,
-    OneScene,
-    Options,
-    Picture,
-    Tiles,
-    View,
-    Work,
-    options_of,
-)
-from cltrace.cli.parsing import parser
-from cltrace.cli.reporter import Reporter
-from cltrace.process.console import command
+from cltrace.base.errors import CltraceError, DeviceError, MissingPackageError, UsageError
+from cltrace.cli.files import Reporter
+from cltrace.cli.options import Options, options_of
+from cltrace.picture.image import LIT
+from cltrace.process.console import command, tell
 from cltrace.run.devices import devices, where_drivers_are
+
+# Milliseconds after which watched files are looked at even if nothing is heard, as on some network drives.
+PATIENCE = 1000
 
 
 def main(argv: list[str] | None = None) -> int:
     """Runs the command. Returns its exit status: 0 ok, 1 check failed, 2 usage or scene, 3 device, 130 Ctrl-C."""
-    args, p = Namespace(verbose=False), parser()
-    given = sys.argv[1:] if argv is None else argv
-    if given[:1] == ["view"] and len(given) > 1:
-        given = ["--view", *given[1:]]
-    cut = given.index("--") if "--" in given else len(given)
+    args = Namespace(verbose=False)
 
     def run() -> int:
-        p.parse_intermixed_args(given[:cut], args)
-        args.scenes += given[cut + 1 :]  # which argparse would take for options, here and there
-        return _run(options_of(args, p))
+        options = options_of(sys.argv[1:] if argv is None else argv, args)
+        if options.quiet:
+            logging.getLogger("cltrace").setLevel(logging.WARNING)
+        reporter = Reporter(options.quiet)
+        if options.watch and not options.view:
+            return watch(options, reporter, partial(do, options, reporter))
+        return do(options, reporter)
 
     return command("cltrace", run, verbose=lambda: args.verbose)
 
 
-def _run(options: Options) -> int:
-    if options.quiet:
-        logging.getLogger("cltrace").setLevel(logging.WARNING)
-    work, reporter = options.work, Reporter(options.quiet)
-    if not options.watch or not isinstance(work, OneScene) or isinstance(work, View):
-        return _do(work, reporter)
-    from cltrace.cli.watch import watch
+def do(options: Options, reporter: Reporter) -> int:
+    """Does a kind of work, and returns the exit status. Only the modules that it needs are imported: imports are half
+    of a small picture's time."""
+    if options.doctor:
+        from cltrace.cli.doctor import doctor, write_report
 
-    return watch(work, partial(_do, work, reporter), reporter)
+        return doctor(options.device) if options.report is None else write_report(options.device, options.report)
+    if options.list_devices:
+        listing = [device.line() for device in devices()]
+        print("\n".join(listing) if listing else f"no OpenCL device found\n{where_drivers_are()}")
+        return 0 if listing else 3
+    if options.view:
+        from cltrace.cli.view import view
 
+        return view(options, reporter)
+    if options.many:
+        from cltrace.cli.many import draw_many
 
-def _do(work: Work, reporter: Reporter) -> int:
-    """Does a kind of work, and returns the exit status. Only the modules that it needs are imported."""
-    match work:
-        case Doctor():
-            if work.report is None:
-                from cltrace.cli.doctor import doctor
+        return draw_many(options, reporter)
+    if options.explain or options.compare is not None or options.show == LIT:
+        from cltrace.cli import questions
 
-                return doctor(work.device)
-            from cltrace.cli.device_report import report
+        if options.explain:
+            return questions.explain(options, reporter)
+        answer = questions.show_lit if options.compare is None else questions.compare
+        return answer(options, reporter)
+    if options.cluster is not None:
+        from cltrace.cli.cluster import draw_tiles
 
-            return report(work.device, work.report)
-        case ListDevices():
-            return _list_devices()
-        case Movie():
-            from cltrace.cli.movie import draw_movie
+        return draw_tiles(options, options.cluster, reporter)
+    from cltrace.cli.picture import draw
 
-            return draw_movie(work, reporter)
-        case Tiles():
-            from cltrace.cli.cluster import draw_tiles
-
-            return draw_tiles(work, reporter)
-        case Explain():
-            from cltrace.cli.questions import explain
-
-            return explain(work, reporter)
-        case Compare():
-            from cltrace.cli.questions import compare
-
-            return compare(work, reporter)
-        case Lit():
-            from cltrace.cli.questions import show_lit
-
-            return show_lit(work, reporter)
-        case View():
-            from cltrace.cli.view import view
-
-            return view(work, reporter)
-        case Picture():
-            from cltrace.cli.picture import draw
-
-            return draw(work, reporter)
+    return draw(options, reporter)
 
 
-def _list_devices() -> int:
-    listing = [d.line() for d in devices()]
-    print("\n".join(listing) if listing else f"no OpenCL device found\n{where_drivers_are()}")
-    return 0 if listing else 3
+def watch(options: Options, reporter: Reporter, work: Callable[[], int]) -> int:
+    """Does the work, and does it again after each change, until it is interrupted. A fault is told, and the last
+    picture stays. Raises DeviceError as the work does."""
+    begun = False
+    for _ in changes(options, reporter):
+        try:
+            work()
+        except CltraceError as error:
+            if isinstance(error, DeviceError) or (isinstance(error, UsageError) and not begun):
+                raise
+            tell(str(error) if type(error).__name__ == "SceneError" else f"cltrace: {error}")
+        begun = True
+    return 0
+
+
+def changes(options: Options, reporter: Reporter) -> Iterator[None]:
+    """Comes back once before the work is done, and then after each change of a file that it depends on, for ever.
+
+    Whether a file has changed is told by its time, size and place on the disk since before it was read, so none is
+    missed while a picture is drawn.
+    """
+    try:
+        notify = importlib.import_module("watchfiles").watch
+    except ImportError:
+        raise MissingPackageError("--watch", "watchfiles", "watch") from None
+    named = {Path(options.scenes[0]), *([Path(options.compare)] if options.compare else [])}
+
+    def stamp(path: Path) -> tuple[int, int, int] | None:
+        try:
+            status = path.stat()
+        except OSError:
+            return None
+        return status.st_mtime_ns, status.st_size, status.st_ino
+
+    def stamps() -> dict[Path, tuple[int, int, int] | None]:
+        return {path: stamp(path) for path in named | reporter.files}
+
+    while True:
+        before = stamps()
+        reporter.files = set()
+        yield
+        now = stamps()
+        before = {path: before.get(path, found) for path, found in now.items()}
+        reporter.say(f"cltrace: waiting for a change of {options.scenes[0]}; Ctrl-C ends it")
+        folders = {path.parent for path in now if path.parent.is_dir()}
+        for _ in notify(*folders, recursive=False, yield_on_timeout=True, rust_timeout=PATIENCE, debounce=100):
+            if stamps() != before:
+                break

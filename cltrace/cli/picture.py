@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -14,10 +15,8 @@ from numpy.typing import ArrayLike
 from cltrace.base.arrays import physical_memory
 from cltrace.base.errors import UsageError
 from cltrace.base.waiting import SLOW, Announcement
-from cltrace.cli.options import Drawing, Picture
-from cltrace.cli.output_files import suffix_of, targets_of, write, write_rows
-from cltrace.cli.reporter import Reporter
-from cltrace.cli.scenes import scene_of
+from cltrace.cli.files import Reporter, scene_of, suffix_of, targets_of, write, write_rows
+from cltrace.cli.options import Options
 from cltrace.picture.image import USUAL, Image, Output, Show
 from cltrace.picture.palettes import FAR, NEAR, depth_range
 from cltrace.picture.storing import BY_ROWS, CHANNELS
@@ -28,21 +27,21 @@ from cltrace.run.devices import choose
 from cltrace.scene import Scene
 
 
-def draw(work: Picture, reporter: Reporter) -> int:
+def draw(options: Options, reporter: Reporter) -> int:
     """Draws the picture. Returns 0, or 1 where --check found a difference."""
     started = time.perf_counter()
-    scene = scene_of(work.scene, reporter)
+    scene = scene_of(options.scenes[0], options, reporter)
     read_seconds = time.perf_counter() - started
-    files = Files.of(scene, work)
-    checked: tuple[Output, ...] = () if work.check is None else ("rgb8", "id")
-    renderer = renderer_of(scene, work.drawing, (*files.needed, *checked, *work.look.scale))
-    start, axes = time.perf_counter(), work.look.axes(scene.camera)
-    if files.by_rows and work.check is None and work.repeat == 1:
+    files = Files.of(scene, options)
+    checked: tuple[Output, ...] = () if options.check is None else ("rgb8", "id")
+    renderer = _renderer(scene, options, (*files.needed, *checked, *options.scale))
+    start, axes = time.perf_counter(), options.axes(scene.camera)
+    if files.by_rows and options.check is None and options.repeat == 1:
         image = files.write_strips(renderer, axes, reporter.progress)
         start += image.frame_seconds
     else:
         _check_memory(renderer)
-        image = _fastest(renderer, work.repeat, reporter.progress)
+        image = _fastest(renderer, options.repeat, reporter.progress)
         start = time.perf_counter()
         files.write(image, axes)
     now = time.perf_counter()
@@ -51,13 +50,11 @@ def draw(work: Picture, reporter: Reporter) -> int:
         width, height = renderer.region[2:]
         how = f"{renderer.precision} precision, on {renderer.device.name}"
         reporter.say(f"cltrace: wrote {', '.join(written)}, {width}x{height}, {how}")
-    if work.look.scale and not {".npy", ".exr"}.issuperset(map(suffix_of, files.targets)):
+    if options.scale and not {".npy", ".exr"}.issuperset(map(suffix_of, files.targets)):
         reporter.say(f"cltrace: depth: {_depth_scale(image)}")
-    if work.stats:
-        from cltrace.cli.statistics import show_statistics, statistics
-
-        show_statistics(statistics(renderer, image), work.stats)
-    return 0 if work.check is None else _check(renderer, image, work, reporter)
+    if options.stats:
+        show_statistics(statistics(renderer, image), options.stats)
+    return 0 if options.check is None else _check(renderer, image, options, reporter)
 
 
 @dataclass(frozen=True)
@@ -74,17 +71,17 @@ class Files:
     stored: tuple[Output, ...]
 
     @classmethod
-    def of(cls, scene: Scene, work: Picture) -> Files:
+    def of(cls, scene: Scene, options: Options) -> Files:
         """What the command line asks for. Raises UsageError where that makes no sense or cannot work."""
-        targets = targets_of(scene, work)
+        targets = targets_of(scene, options)
         kinds = set(map(suffix_of, targets))
-        if work.outputs and kinds.isdisjoint((".exr", ".npz")):
+        if options.outputs and kinds.isdisjoint((".exr", ".npz")):
             raise UsageError("--outputs goes with -o of an .exr or .npz")
-        if work.bits == 16 and (".png" not in kinds or work.look.show != "color"):
+        if options.bits == 16 and (".png" not in kinds or options.show != "color"):
             raise UsageError("--bits 16 goes with a PNG and --show color")
         usual = (*USUAL, "primitive") if scene.triangles else USUAL
         colors: tuple[Output, ...] = ("color", "alpha") if scene.background_alpha < 1 else ("color",)
-        files = cls(targets, work.look.show, colors if work.bits == 16 else (), work.outputs or usual)
+        files = cls(targets, options.show, colors if options.bits == 16 else (), tuple(options.outputs or usual))
         if ".exr" in kinds and (strange := [name for name in files.stored if name not in CHANNELS]):
             raise UsageError(f"--outputs: an .exr has none of {', '.join(strange)}, only of {', '.join(CHANNELS)}")
         return files
@@ -130,13 +127,12 @@ class Files:
         return image
 
 
-def renderer_of(scene: Scene, drawing: Drawing, outputs: tuple[Output, ...]) -> Renderer:
+def _renderer(scene: Scene, options: Options, outputs: tuple[Output, ...]) -> Renderer:
     """What draws the outputs of a scene. Raises UsageError for options that make no sense."""
-    options = drawing.renderer_options(outputs)
     many = f"{len(scene.columns):,} spheres and {scene.triangles:,} triangles"
     try:
         with Announcement(f"preparing {many} ...", SLOW):
-            return Renderer(scene, choose(drawing.device), **options)
+            return Renderer(scene, choose(options.device), **options.renderer_options(outputs))
     except ValueError as error:
         raise UsageError(str(error)) from None
 
@@ -161,13 +157,14 @@ def _fastest(renderer: Renderer, repeat: int, progress: bool | None) -> Image:
     return best
 
 
-def _check(renderer: Renderer, image: Image, work: Picture, reporter: Reporter) -> int:
+def _check(renderer: Renderer, image: Image, options: Options, reporter: Reporter) -> int:
     """Compares the picture with the reference, and says how they agree. Returns the exit status."""
     from cltrace.students.check import check
 
     x, y, width, height = renderer.region
-    pixels = width * height if work.check == "all" else None if work.check == "default" else int(work.check or 0)
-    how: dict[str, Any] = {"origin": (x, y), "truncate": work.drawing.truncate, "progress": reporter.progress}
+    every = {"all": width * height, "default": None}
+    pixels = every[options.check] if isinstance(options.check, str) else options.check
+    how: dict[str, Any] = {"origin": (x, y), "truncate": options.truncate, "progress": reporter.progress}
     try:
         report = check(renderer.scene, image, renderer.precision, pixels, **how)
     except ValueError as error:  # the reference traces what the kernel proves to be too faint, and has the same ceiling
@@ -186,3 +183,44 @@ def _depth_scale(image: Image) -> str:
         f"{near} is white ({NEAR}), {far} is dark ({FAR}), nothing is black; in between, a grey is "
         f"{FAR} + {NEAR - FAR} (1/depth - 1/{far}) / (1/{near} - 1/{far})"
     )
+
+
+def statistics(renderer: Renderer, image: Image) -> dict[str, Any]:
+    """Times and counts of a picture, by name; seconds. Counting the work renders it once more."""
+    scene = renderer.scene
+    width, height = renderer.region[2:]
+    work = renderer.work()
+    names = ("read", "pack", "lists", "build", "upload", "kernel", "readback", "write", "total")
+    return {
+        "device": renderer.device.name,
+        "precision": renderer.precision,
+        "size": [width, height],
+        "spheres": len(scene.columns),
+        "triangles": scene.triangles,
+        "cylinders": len(scene.cylinders),
+        "features": sorted(renderer.plan.features),
+        "seconds": {name: image.seconds[name] for name in names},
+        "rays": {"primary": width * height, "shadow": work["shadow rays traced"]},
+        "work": work,
+        "skipped": renderer.skipped,
+    }
+
+
+def show_statistics(stats: dict[str, Any], form: str) -> None:
+    """Prints them: as lines on stderr, or as one JSON object on stdout where the form is json."""
+    if form == "json":
+        print(json.dumps(stats), flush=True)
+        return
+    tell(f"device     {stats['device']}")
+    tell(f"precision  {stats['precision']}")
+    more = "".join(f", {stats[name]} {name}" for name in ("triangles", "cylinders") if stats[name])
+    tell(f"size       {stats['size'][0]}x{stats['size'][1]}, {stats['spheres']} spheres{more}")
+    tell(f"features   {' '.join(stats['features'])}")
+    for name, value in stats["seconds"].items():
+        tell(f"{name:<10} {value * 1e3:10.2f} ms")
+    for name, value in stats["rays"].items():
+        tell(f"rays       {value:10d} {name}")
+    for name, value in stats["work"].items():
+        tell(f"work       {value:10d} {name}")
+    for name, value in stats["skipped"].items():
+        tell(f"skipped    {value:10d} {name}")

@@ -19,7 +19,7 @@ from lxml import etree
 from numpy.typing import NDArray
 
 from cltrace.base.errors import located
-from cltrace.base.limits import MAX_CYLINDERS, MAX_MESHES, MAX_SPHERES, MAX_TRIANGLES, MAX_VERTICES
+from cltrace.base.limits import MAX_CYLINDERS, MAX_MESHES, MAX_SPHERES, MAX_TRIANGLES, MAX_VERTICES, hint
 from cltrace.formats.checks import Checks, Numbers, vector_of
 from cltrace.formats.document import LinesNeededError
 from cltrace.formats.faults import FatalError
@@ -281,7 +281,7 @@ class MeshReader(ShapeReader):
             seen.add(file)
             if again > self._instances:
                 most = f"at most {self._instances} triangles of files that are named again"
-                faults.add(mesh.line, f"surfaces: must have {most}; --instances allows more")
+                faults.add(mesh.line, f"surfaces: must have {most}{hint('instances')}")
                 break
             try:
                 self._placed.append(PlacedMesh(geometry, mesh.to_world, 0, mesh.number))

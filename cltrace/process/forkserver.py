@@ -13,8 +13,6 @@ from multiprocessing import forkserver
 
 # How multiprocessing starts them. Only Linux's libraries are all made for forks.
 METHOD = "forkserver" if sys.platform == "linux" else "spawn"
-# The environment variable that tells that process what to import.
-MODULE = "CLTRACE_FORKS_IMPORT"
 
 
 def prepare(module: str) -> None:
@@ -23,8 +21,7 @@ def prepare(module: str) -> None:
     os.environ.setdefault("PYTHONSAFEPATH", "1")
     if METHOD != "forkserver" or threading.current_thread() is not threading.main_thread():
         return
-    os.environ[MODULE] = module
-    multiprocessing.set_forkserver_preload(["cltrace.process.preload"])
+    multiprocessing.set_forkserver_preload([module])
     # It inherits that these are ignored: what a terminal sends to all processes is left to this one, which ends them.
     before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGHUP)}
     try:

@@ -81,13 +81,6 @@ def test_the_installed_command_is_the_same() -> None:
     assert done.stdout.startswith("cltrace ")
 
 
-def test_meshes_named_again_are_refused_before_anything_is_made(tmp_path: Path) -> None:
-    done = call(FIRST.parent / "step4-meshes.xml", "--instances", 11, cwd=tmp_path)
-    assert done.returncode == 2
-    assert b"surfaces: must have at most 11 triangles of files that are named again; --instances allows" in done.stderr
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_stdout_quiet_and_options(tmp_path: Path) -> None:
     whole = pixels(call(FIRST, "-o", "-", "-q", cwd=tmp_path).stdout)
     crop = pixels(call(FIRST, "-o", "-", "-q", "--crop", "100,200,140,230", cwd=tmp_path).stdout)
@@ -206,10 +199,6 @@ def test_no_driver_gives_advice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         (["{scene}", "--crop", "5,5,5,9"], "crop: must be within 0,0,481,361 and not empty, got 5,5,5,9"),
         (["{scene}", "--crop", "0,0,482,9"], "crop: must be within 0,0,481,361 and not empty, got 0,0,482,9"),
         (["{scene}", "--precision", "half"], "argument --precision: invalid choice: 'half'"),
-        (
-            ["{scene}", "--instances", "1e6"],
-            "argument --instances: must be a whole number within 0..67108864, got '1e6';",
-        ),
         (["{scene}", "--repeat", "0"], "argument --repeat: must be a whole number >= 1, got '0';"),
         (["{scene}", "--check=few"], "argument --check: must be a whole number >= 1, got 'few';"),
         (["{scene}", "--frobnicate"], "unrecognized arguments: --frobnicate;"),

@@ -103,14 +103,13 @@ def test_hints(monkeypatch: pytest.MonkeyPatch) -> None:
     assert limits.hint("lights") == ""
 
 
-def test_instances_are_one_limit(tmp_path: Path) -> None:
-    scene = ROOT / "scenes/step4-meshes.xml"
+def test_meshes_named_again_are_refused_before_anything_is_made(tmp_path: Path) -> None:
     few = ("--limit", "instances=11", "--size", "8x8")
-    assert call(tmp_path, *few, scene=scene)[0] == 2
-    assert call(tmp_path, *few, "--instances", "11", scene=scene)[1].endswith("--instances allows more")
-    status, words = call(tmp_path, *few, "--instances", "1000", scene=scene)
+    status, words = call(tmp_path, *few, scene=ROOT / "scenes/step4-meshes.xml")
     assert status == 2
-    assert "--instances N is --limit instances=N, and two numbers are given" in words
+    told = "surfaces: must have at most 11 triangles of files that are named again; --limit instances=N or "
+    assert words.endswith(f"{told}CLTRACE_LIMITS allows more")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_each_limit_has_a_name() -> None:

@@ -469,7 +469,7 @@ def test_a_mesh_named_again_adds_so_many_triangles_only() -> None:
         read_surfaces(*named, instances=0)
     assert str(caught.value) == (
         f"scene.xml:{FIRST + 2}: surfaces: must have at most 0 triangles of files that are named again; "
-        "--instances allows more"
+        "--limit instances=N or CLTRACE_LIMITS allows more"
     )
 
 

@@ -140,8 +140,8 @@ def test_a_fault_while_strips_are_written_names_the_file(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(strips, "ROOM", 2**12)
     line = [str(SCENE), *SIZE, "-o", "a.png", "-o", "/dev/full", "-o", "a.npy"]
-    monkeypatch.setattr("cltrace.cli.output_files.check_target", lambda *_: None)
-    monkeypatch.setattr("cltrace.cli.output_files.suffix_of", lambda target: Path(target).suffix or ".npy")
+    monkeypatch.setattr("cltrace.cli.files.check_target", lambda *_: None)
+    monkeypatch.setattr("cltrace.cli.files.suffix_of", lambda target: Path(target).suffix or ".npy")
     monkeypatch.setattr("cltrace.cli.picture.suffix_of", lambda target: Path(target).suffix or ".npy")
     assert cli.main(line) == 2
     assert capsys.readouterr().err == "cltrace: cannot write /dev/full: No space left on device\n"

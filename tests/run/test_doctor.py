@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 import cltrace
-from cltrace.cli import device_report, doctor
+from cltrace.cli import doctor
 from cltrace.plan.request import PRECISIONS
 from cltrace.run import devices, vendors
 from cltrace.run.devices import Device, where_drivers_are
@@ -229,7 +229,7 @@ def test_without_intels_driver_or_a_cache_nothing_is_set(intel: Path, tmp_path: 
 @pytest.mark.slow
 def test_a_report_has_limits_checks_and_times(device: Device, tmp_path: Path) -> None:
     told: list[str] = []
-    status = device_report.report(device.spec, str(tmp_path / "report.txt"), told.append)
+    status = doctor.write_report(device.spec, str(tmp_path / "report.txt"), told.append)
     lines = (tmp_path / "report.txt").read_text().splitlines()
     assert status == 0
     assert lines[: len(told) - 1] == told[:-1]
@@ -246,8 +246,8 @@ def test_a_report_has_limits_checks_and_times(device: Device, tmp_path: Path) ->
 def test_a_report_of_a_driver_that_ends_the_process(
     device: Device, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(doctor, "child", faked(device))
-    monkeypatch.setattr(device_report, "child", lambda *_, **__: (-6, "the driver ended the process with SIGABRT"))
-    assert device_report.report(None, str(tmp_path / "report.txt"), str) == 0
+    died, well = (-6, "the driver ended the process with SIGABRT"), faked(device)
+    monkeypatch.setattr(doctor, "child", lambda *given, **_: died if "report" in given else well(*given))
+    assert doctor.write_report(None, str(tmp_path / "report.txt"), str) == 0
     last = (tmp_path / "report.txt").read_text().splitlines()[-1]
     assert last == f"device     {device.spec} FAILS: the driver ended the process with SIGABRT"

@@ -12,9 +12,8 @@ from test_session import FILE, drawn, kinds, pixels
 import cltrace
 from cltrace import cli
 from cltrace.cli import view as command
+from cltrace.cli.files import Reporter
 from cltrace.cli.options import options_of
-from cltrace.cli.parsing import parser
-from cltrace.cli.reporter import Reporter
 from cltrace.run.devices import choose
 from cltrace.viewer.film import film_of
 from cltrace.viewer.messages import Event
@@ -122,9 +121,7 @@ def stage_of(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> Stage:
     """What the command would serve."""
     found: list[Stage] = []
     monkeypatch.setattr(command, "serve", lambda stage, *_: found.append(stage))
-    p = parser()
-    work = options_of(p.parse_intermixed_args(["--view", str(FILE), *arguments]), p).work
-    assert command.view(work, Reporter(True)) == 0
+    assert command.view(options_of(["view", str(FILE), *arguments]), Reporter(True)) == 0
     return found[0]
 
 
