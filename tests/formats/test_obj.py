@@ -120,6 +120,7 @@ def test_everything_arrives() -> None:
         CUBE_CORNER.replace("f 1/1/1 2/2/1 3/1/2", "f 1/-2/-2 -3/2/1 +3/1/-1"),
         CUBE_CORNER[CUBE_CORNER.index("f ") :] + CUBE_CORNER[: CUBE_CORNER.index("f ")],
         CUBE_CORNER.replace("1/1/1", "1/1/1 \\\n"),
+        CUBE_CORNER.replace("f 1/1/1", "f 001/+1/1"),
     ],
 )
 def test_other_ways_to_write_the_same(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -191,13 +192,14 @@ NUMBERS = [
     "9223372036854775808",
     "99999999999999999999999999",
     "5e0000000000000000000000000000000003",
+    *("+1", "1.", ".5", "-.5e-3", "1E5", "1e+5", "00012", "1e-30", "1" * 30, "2.2250738585072011e-7"),
 ]
 
 
 def test_numbers_are_rounded_right() -> None:
     """Whole numbers below 2^53 and those that are halfway between two doubles, or nearly so; and what chance gives."""
     rng = random.Random(8)
-    written = NUMBERS + [f"-{text}" for text in NUMBERS]
+    written = NUMBERS + [f"-{text.removeprefix('+')}" for text in NUMBERS if text[0] != "-"]
     for _ in range(20_000):
         number = rng.uniform(-1, 1) * 10.0 ** rng.randrange(-9, 9)
         written.append(
@@ -434,6 +436,8 @@ FAULTS = {
     "empty": ("", [" is empty"]),
     "blank": (" \n\n", [" has no faces"]),
     "comment": ("# nothing", [" has no faces"]),
+    "a backslash": ("\\", [" has no faces"]),
+    "a byte order mark": ("\ufeff", [" has no faces"]),
     "no faces": (TRIANGLE, [" has no faces"]),
     "vertex of 2": ("v 0 0\nf 1 1 1\n", ["1: vertex: must be 3, 4 or 6 numbers, got 2"]),
     "vertex of none": ("v\nf 1 1 1\n", ["1: vertex: must be 3, 4 or 6 numbers, got 0"]),
