@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.base.arrays import blockwise
-from cltrace.plan.accel.discs import Discs
+from cltrace.plan.accel.silhouettes import Discs
 from cltrace.plan.rounding import Array, Mask, squared_length
 
 # How many spheres, the largest ones, are looked into for others inside of them.

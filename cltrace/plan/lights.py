@@ -7,7 +7,7 @@ the classes of LAMPS, a row for each kind.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol, TypeVar
 
@@ -15,13 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import LIGHT_KINDS, Precision, dtype_of, shade_dtype
-from cltrace.plan.accel.cells import CellGrid
-from cltrace.plan.accel.discs import Discs
-from cltrace.plan.accel.light_buffer import parallel_buffer, point_buffer
-from cltrace.plan.accel.silhouettes import Shadows, Silhouettes
+from cltrace.plan.accel.grids import CellGrid, Shadows, parallel_grids, point_grids
+from cltrace.plan.accel.silhouettes import Discs, Silhouettes
 from cltrace.plan.culling import parallel_shadows, point_shadows
 from cltrace.plan.materials import finite32
-from cltrace.plan.rounding import Array, Mask, rotated
+from cltrace.plan.rounding import Array, Mask
 from cltrace.scene import AMBIENT, PARALLEL, AnyCamera
 
 T = TypeVar("T", covariant=True)
@@ -67,12 +65,9 @@ class AtPoint(_Light):
         """What it sees of something."""
         return at.from_point(self, *more)
 
-    def grids(self, shapes: Sequence[Silhouettes], who: Shadows) -> list[CellGrid]:
+    def grids(self, shapes: Sequence[Silhouettes], who: Shadows) -> Iterator[CellGrid]:
         """Those of its lists. shapes: what it sees, in the order of SHAPES."""
-        # Where all shapes count along the world's axes, they are in the same cells for each camera.
-        if not all(silhouettes.in_world for silhouettes in shapes):
-            return point_buffer([silhouettes.turned(self.basis) for silhouettes in shapes], who)
-        return [replace(grid, axes=rotated(self.basis, grid.axes)) for grid in point_buffer(shapes, who)]
+        return point_grids(shapes, who)
 
     def shadows(self, discs: Discs, slack: float) -> Mask:
         """(n, n): whether disc [j] can stand between it and any point of disc [i]."""
@@ -126,8 +121,8 @@ class Parallel(_Light):
     def look(self, at: Lit[T], *more: Any) -> T:
         return at.along(self, *more)
 
-    def grids(self, shapes: Sequence[Silhouettes], who: Shadows) -> list[CellGrid]:
-        return parallel_buffer(self.axes, shapes, who)
+    def grids(self, shapes: Sequence[Silhouettes], who: Shadows) -> Iterator[CellGrid]:
+        return parallel_grids(self.axes, shapes, who)
 
     def shadows(self, discs: Discs, slack: float) -> Mask:
         return parallel_shadows(self.axes, discs, slack)

@@ -8,10 +8,8 @@ import numpy as np
 
 from cltrace.base.errors import TooSlowError
 from cltrace.base.waiting import Stopwatch
-from cltrace.plan.accel.cells import SLACK, CellGrid, whole_grid
-from cltrace.plan.accel.discs import Discs
-from cltrace.plan.accel.silhouettes import FINE_SLACK, Shadows, Silhouettes, Window
-from cltrace.plan.accel.tiles import picture_tiles
+from cltrace.plan.accel.grids import CellGrid, Shadows, Window, picture_tiles, whole_grid
+from cltrace.plan.accel.silhouettes import FINE_SLACK, SLACK, Discs, Silhouettes
 from cltrace.plan.lights import Lamp
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Mask
@@ -67,9 +65,9 @@ class Grids:
         """The grid of the tiles. What is in it receives light."""
         eye = [sight.eye for sight in self._sights]
         among, shapes, total = self._among(eye), [eye[i] for i in self._shapes], self._total
-        tiles = picture_tiles(shapes, among, window)
+        tiles = picture_tiles(shapes, among, window, self._slack)
         if "lists" in self._request.keep:
-            self._receiver[tiles.member] = True
+            self._receiver[tiles.members.member] = True
             tiles = whole_grid(among)
         yield tiles
         seen_there = tiles.entered(total)
@@ -89,28 +87,29 @@ class Grids:
             seen = [sight.lights[k] for sight in self._sights]
             among = self._among(seen)
             who = Shadows(among, self._receiver, self._slack)
-            more, stops = self._light_buffer(light, [seen[i] for i in self._shapes], who)
+            grids, stops = self._of_light(light, [seen[i] for i in self._shapes], who)
             if "lists" in self._request.keep:
-                more = [whole_grid(among)]
-            self.light_buffer[k] = made, len(more), stops, 0
-            made += len(more)
-            entered = np.zeros(total, bool)
-            while more:
-                yield (grid := more.pop(0))
+                grids = iter([whole_grid(among)])
+            entered, count = np.zeros(total, bool), 0
+            for grid in grids:
+                yield grid
                 entered |= grid.entered(total)
+                count += 1
                 del grid  # Others have room in its place.
+            self.light_buffer[k] = made, count, stops, 0
+            made += count
             idle += total - int(entered.sum())
         self.skipped[f"{self._what} that shadow nothing seen, per light"] = idle
 
-    def _light_buffer(self, light: Lamp, shapes: Sequence[Silhouettes], who: Shadows) -> tuple[list[CellGrid], int]:
+    def _of_light(self, light: Lamp, shapes: Sequence[Silhouettes], who: Shadows) -> tuple[Iterator[CellGrid], int]:
         """The grids of one light, and a bit for each surface on its way to which something may stop the light.
 
         Where surfaces are many, or not discs alone, all bits are set.
         """
-        n, keep, discs = self._total, self._request.keep, only_discs(shapes)
+        n, keep, (discs, *others) = self._total, self._request.keep, shapes
         # With ONE_LIST spheres at most, finding the right list for a shadow ray costs more than trying them all: a box
         # of 16 takes 3.5 ms a frame instead of 3.2 (PoCL 3.1, 1920x1080). A shell of 28 takes 4.3 instead of 4.6.
-        if n > ONE_LIST or not discs:
+        if n > ONE_LIST or others or not isinstance(discs, Discs):
             return light.grids(shapes, who), -1
         shadows = light.shadows(discs, who.slack)
         shadows &= who.receiver[:, None] & who.occluder
@@ -119,10 +118,4 @@ class Grids:
         np.fill_diagonal(shadows, inside)
         casting = np.asarray(shadows.any(axis=0) | ("receivers" in keep))
         stops = int(((shadows.any(axis=1) | ("unstopped" in keep)) << np.arange(n)).sum())
-        return [whole_grid(casting)] if casting.any() else [], stops
-
-
-def only_discs(shapes: Sequence[Silhouettes]) -> Discs | None:
-    """The discs, if there is nothing else."""
-    (discs, *more) = shapes
-    return discs if isinstance(discs, Discs) and not more else None
+        return iter([whole_grid(casting)] if casting.any() else []), stops

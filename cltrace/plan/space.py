@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from cltrace.base.arithmetic import two_sum
-from cltrace.plan.accel.discs import Discs
+from cltrace.plan.accel.silhouettes import Discs
 from cltrace.plan.rounding import Array, Mask, differences, dot_products, square_excess
 from cltrace.scene import AnyCamera
 
@@ -82,10 +82,10 @@ class Space:
         """
         hi, lo = differences(self.place, point)
         power, _ = square_excess(hi, lo, self.radius)
-        return self._discs(hi, self._known(power), True), np.sign(power)
+        return self._discs(hi, self._known(power)), np.sign(power)
 
-    def _discs(self, center: Array, power: Array, in_world: bool = False) -> Discs:
-        return Discs(center, self.radius, power, loose=self.loose is not None, in_world=in_world, first=self.first)
+    def _discs(self, center: Array, power: Array) -> Discs:
+        return Discs(center, self.radius, power, self.first)
 
     def _known(self, power: Array) -> Array:
         """What is known of surfaces by the powers of their spheres: from inside of a loose one, nothing."""

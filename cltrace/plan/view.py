@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import dtype_of, real_dtype
-from cltrace.plan.accel.cells import CellGrid, build
-from cltrace.plan.accel.silhouettes import Window
+from cltrace.plan.accel.grids import CellGrid, Window, build
 from cltrace.plan.lights import Move, are_at_points, dim_highlights, kinds, lamp_places, lamps_of, pack_lights
 from cltrace.plan.lists import Grids
 from cltrace.plan.paths import NO_PATHS
@@ -53,7 +52,7 @@ class View:
         ValueError if its crop is not within the picture.
         """
         methods = methods or Methods(
-            lambda shape, *how: shape.in_view(*how), lambda grids: build(grids, request.precision).arrays()
+            lambda shape, *how: shape.in_view(*how), lambda grids: build(grids, request.precision)
         )
         shapes = [methods.in_view(shape, camera, first) for first, shape in world.placed]
         lengths = [part for shape in shapes for part in shape.lengths()]

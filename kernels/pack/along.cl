@@ -1,4 +1,4 @@
-/* along.cl: spheres as discs on the window of a parallel light, with the arithmetic of accel/discs.py of
+/* along.cl: spheres as discs on the window of a parallel light, with the arithmetic of accel/silhouettes.py of
  * cltrace/plan. Their edges are doubles.
  */
 

@@ -1,5 +1,5 @@
-/* cells.cl: the lists of a grid's cells, as cltrace/plan/accel/cells.py makes them: spheres are counted cell by cell,
- * the counts are added up to where each list begins, the spheres are written there, and each list is sorted.
+/* cells.cl: the lists of a grid's cells: surfaces are counted cell by cell, the counts are added up to where each list
+ * begins, the surfaces are written there, and each list is sorted.
  *
  * In which order work-items come to a list is not known, but what they write is sorted by a key that no two entries
  * share. An entry is a whole number while it is made: above the depth, as bits that rise with it, below the index.
@@ -14,26 +14,22 @@ INLINE int bits_of(const int size) {
     return size > 0 ? 32 - clz(size) : 0;
 }
 
-/* How many entries the spheres take if each is on the level of its size less a lift, for lifts from 0 to lifts - 1, and
- * how many spheres have each size. For each work-item: 16 numbers of entries, 16 of spheres. */
-__kernel void tally(const int n, const int pitch, const int lifts, __global const short *restrict covers,
+/* How many spheres have each size, and how many entries all take if each is on the level of its size. For each
+ * work-item: 16 numbers of spheres, then that of entries. */
+__kernel void tally(const int n, const int pitch, __global const short *restrict covers,
                     __global const float *restrict near, __global long *restrict part) {
-    long entries[16], spheres[16];
-    for (int k = 0; k < 16; k++) entries[k] = spheres[k] = 0;
+    long entries = 0, spheres[16];
+    for (int k = 0; k < 16; k++) spheres[k] = 0;
     FOR_EACH_MEMBER(i, n) {
         const int left = covers[i], top = covers[pitch + i], wide = covers[2L * pitch + i],
                   high = covers[3L * pitch + i];
-        const int bits = bits_of(max(wide, high));
-        spheres[bits]++;
-        for (int lift = 0; lift < lifts; lift++) {
-            const int level = max(bits - lift, 0);
-            const int columns = ((left + wide) >> level) - (left >> level) + 1,
-                      rows = ((top + high) >> level) - (top >> level) + 1;
-            entries[lift] += columns * rows;
-        }
+        const int level = bits_of(max(wide, high));
+        spheres[level]++;
+        entries += (((left + wide) >> level) - (left >> level) + 1) * (((top + high) >> level) - (top >> level) + 1);
     }
-    __global long *note = part + 32 * get_global_id(0);
-    for (int k = 0; k < 16; k++) note[k] = entries[k], note[16 + k] = spheres[k];
+    __global long *note = part + 17 * get_global_id(0);
+    for (int k = 0; k < 16; k++) note[k] = spheres[k];
+    note[16] = entries;
 }
 
 /* For each cell that surface i covers on a level. */
@@ -49,11 +45,11 @@ INLINE int level_of(const int wide, const int high, const int lift) {
     return lift < 0 ? 0 : max(bits_of(max(wide, high)) - lift, 0);
 }
 
-/* A depth, as bits that rise with it, above an index. mask: the bits of a depth that an entry keeps. */
-INLINE ulong key_of(const float near, const uint mask, const int index) {
+/* A depth, as bits that rise with it, above an index. */
+INLINE ulong key_of(const float near, const int index) {
     const int bits = as_int(near);
     const uint rising = as_uint(bits ^ (bits >> 31 & 0x7fffffff)) ^ 0x80000000u;
-    return (ulong)(rising & mask) << 32 | (uint)index;
+    return (ulong)rising << 32 | (uint)index;
 }
 
 /* How many entries each cell has, of spheres that are each on the level of its size less `lift`. */
@@ -67,7 +63,7 @@ __kernel void count_entries(const int n, const int pitch, const int lift, __cons
     }
 }
 
-/* The same of surfaces each of which is on a level of its own; level < 0: it has strips instead. */
+/* The same of surfaces each of which is on a level of its own; level < 0: it has an outline instead. */
 __kernel void count_members(const int n, const int pitch, __constant Levels *levels,
                             __global const char *restrict level_of, __global const short *restrict covers,
                             volatile __global int *count) {
@@ -76,18 +72,6 @@ __kernel void count_members(const int n, const int pitch, __constant Levels *lev
         if (level < 0) continue;
         FOR_EACH_CELL(cell, i, level)
         atomic_inc(count + cell);
-    }
-}
-
-/* The same of strips: of surface `at` one for each of some rows of cells; `more` cells after the one at row and column.
- */
-__kernel void count_strips(const int n, __constant Levels *levels, __global const char *restrict level_of,
-                           __global const int *restrict at, __global const int *restrict row,
-                           __global const int *restrict column, __global const int *restrict more,
-                           volatile __global int *count) {
-    FOR_EACH_SPHERE(i, n) {
-        const int level = level_of[at[i]], cell = levels->base[level] + row[i] * levels->pitch[level] + column[i];
-        for (int k = 0; k <= more[i]; k++) atomic_inc(count + cell + k);
     }
 }
 
@@ -113,41 +97,28 @@ __kernel void start_cells(const int cells, const int at, const int first, __glob
     if (get_global_id(0) == get_global_size(0) - 1) start[at + cells] = total;
 }
 
-/* The entries of all spheres, each into the lists of its cells. mask: the bits of a depth that an entry keeps. */
-__kernel void scatter_entries(const int n, const int pitch, const int lift, const uint mask, __constant Levels *levels,
+/* The entries of all spheres, each into the lists of its cells. */
+__kernel void scatter_entries(const int n, const int pitch, const int lift, __constant Levels *levels,
                               __global const short *restrict covers, __global const float *restrict near,
                               volatile __global int *next, __global ulong *restrict entry) {
     FOR_EACH_MEMBER(i, n) {
-        const ulong key = key_of(near[i], mask, i);
+        const ulong key = key_of(near[i], i);
         const int level = level_of(covers[2L * pitch + i], covers[3L * pitch + i], lift);
         FOR_EACH_CELL(cell, i, level)
         entry[atomic_inc(next + cell)] = key;
     }
 }
 
-__kernel void scatter_members(const int n, const int pitch, const uint mask, __constant Levels *levels,
+__kernel void scatter_members(const int n, const int pitch, __constant Levels *levels,
                               __global const char *restrict level_of, __global const short *restrict covers,
                               __global const int *restrict member, __global const float *restrict near,
                               volatile __global int *next, __global ulong *restrict entry) {
     FOR_EACH_SPHERE(i, n) {
         const int level = level_of[i];
         if (level < 0) continue;
-        const ulong key = key_of(near[i], mask, member[i]);
+        const ulong key = key_of(near[i], member[i]);
         FOR_EACH_CELL(cell, i, level)
         entry[atomic_inc(next + cell)] = key;
-    }
-}
-
-__kernel void scatter_strips(const int n, const uint mask, __constant Levels *levels,
-                             __global const char *restrict level_of, __global const int *restrict at,
-                             __global const int *restrict row, __global const int *restrict column,
-                             __global const int *restrict more, __global const int *restrict member,
-                             __global const float *restrict near, volatile __global int *next,
-                             __global ulong *restrict entry) {
-    FOR_EACH_SPHERE(i, n) {
-        const int level = level_of[at[i]], cell = levels->base[level] + row[i] * levels->pitch[level] + column[i];
-        const ulong key = key_of(near[at[i]], mask, member[at[i]]);
-        for (int k = 0; k <= more[i]; k++) entry[atomic_inc(next + cell + k)] = key;
     }
 }
 

@@ -1,8 +1,8 @@
 /* eye.cl: spheres as the eye sees them: the kernel's buffers, and which tiles they cover, in one pass over memory. This
- * is what cltrace/plan/space.py, shapes/sphere.py, culling.py and accel/discs.py make, with the same arithmetic.
+ * is what cltrace/plan/space.py, shapes/sphere.py, culling.py and accel/silhouettes.py make, with the same arithmetic.
  */
 
-/* See accel/discs.py. */
+/* See accel/silhouettes.py. */
 #define LOOSE 0x1p-44
 
 /* Where the eye is, in scene units, and the camera's axes; unit: leads from scene units to the float buffers' unit. */
@@ -132,9 +132,8 @@ INLINE Disc disc_along_view(const FromEye s) {
 
 /* What is on which work-item's spheres: the largest coordinate or radius, in scene units; minus the least power of
  * those that are sure, in scene units, or, along the view, minus 0 if the plane where rays start may cut any, else
- * minus 1; how many may be seen; how many of them are in the picture, how many cells of level 0 these cover, and the
- * last one of them. */
-#define NOTES 6
+ * minus 1; how many may be seen; how many of them are in the picture, and how many cells of level 0 these cover. */
+#define NOTES 5
 
 /* The first two of them, of each lane. */
 typedef struct {
@@ -169,7 +168,6 @@ __kernel void see_from_eye(const int n, const int pitch, const double unit, cons
     const Packed to = {center_radius, power, world, eye_filter};
     Ends ends = {0, 1};
     LONG there = 0, members = 0, entries = 0;
-    INT last = -1;
     FOR_EACH_PACKET(i, n) {
         FETCH_ROWS(center, 3, i);
         FETCH_ROWS(radius, 1, i);
@@ -196,12 +194,11 @@ __kernel void see_from_eye(const int n, const int pitch, const double unit, cons
         store_covers(row, rows, covers + i, pitch);
         STORE_LANES(visible ? disc.near : (FLOAT)INFINITY, near + i);
         members += TO_LONG(visible ? (INT)1 : (INT)0);
-        last = visible ? i + LANE : last;
         entries += TO_LONG(visible ? (row.more + 1) * (rows.more + 1) : (INT)0);
     }
     __global double *note = part + NOTES * get_global_id(0);
     note[0] = largest_lane(ends.most), note[1] = largest_lane(-ends.least), note[2] = sum_of_lanes(there);
-    note[3] = sum_of_lanes(members), note[4] = sum_of_lanes(entries), note[5] = LARGEST(last);
+    note[3] = sum_of_lanes(members), note[4] = sum_of_lanes(entries);
 }
 
 /* What follows from |centre|^2 - radius^2 = hi + lo, in scene units, of `count` spheres of these indices. The rest: see

@@ -1,9 +1,8 @@
 /* polygons.cl: triangles as polygons on a plane, as the eye or a light sees them, and the cells that they cover:
- * accel/{cells,polygons,light_buffer}.py of cltrace/plan, where all bounds are derived, with the same arithmetic in the
- * same order.
+ * as run/pack/polygons.py says.
  *
  * A point is four ints: the bits of a vertex's coordinates along three axes, as floats, and five bits for each side of
- * the cube that the axes are those of, 2 * axis + (1 where it is looked along minus the axis): see _Points. A picture
+ * the cube that the axes are those of, 2 * axis + (1 where it is looked along minus the axis): the sides of the window that a vertex is beyond, and BEYOND. A picture
  * is side AHEAD. Triangles with a corner beyond the pyramid, or too large, are left to the host.
  */
 #define SIDE_BITS 5
@@ -129,6 +128,11 @@ INLINE Polygon polygon_of(const SeenCorners at, const int side, __constant Pane 
         p.large = 0;
         return p;
     }
+    /* A point of a triangle has the weighted mean of the corners' squared distances, less a variance of at most the
+     * squared radius of the circle around it, which is at most a third of the longest side's square (Jung 1901). Of two
+     * corners at distances p <= q, this square is (q - p)^2 and p q times that of the chord of their angle, which is
+     * less than between their slopes. Each of these terms is right to 2^-20 of the smallest square, as long as they are
+     * less than that. */
     const FLOAT wide = (p.edge[1] - p.edge[0]) * pane->over[0], high = (p.edge[3] - p.edge[2]) * pane->over[1];
     const FLOAT apart = most - least,
                 spread = ((apart * apart) / (4 * least) + most * (wide * wide + high * high)) * (float)(1.0 / 3);
@@ -283,7 +287,7 @@ __kernel void sample_polygons(const int count, const int first, const int stride
 #define OUTLINED -2
 #define ABSENT -1
 
-/* The level on which each polygon costs least: Sizes.levels() of accel/cells.py. */
+/* The level on which each polygon costs least: see price_of() in run/pack/polygons.py. */
 INLINE INT levels_of(const Covered c, __constant Place *place) {
     INT level = 0;
     for (int k = 1; k < place->levels; k++) {
@@ -325,17 +329,15 @@ INLINE void add_outlines(const Covered c, const FLOAT near, const INT level, con
 }
 
 /* Enters triangles. level_of: the level of each one that has no outline, else OUTLINED or ABSENT. outlines: how many
- * there are. For each work-item: which levels are used, as bits, the last triangle, how many are entered, and how many
- * entries those without outlines take. */
+ * there are. For each work-item: which levels are used, as bits. */
 __kernel void place_polygons(const int m, const int pitch, const int side, __constant Pane *pane,
                              __constant Place *place, __global const int *restrict point,
                              __global const int *restrict face, __global const char *restrict among,
                              __global short *restrict covers, __global float *restrict near,
                              __global char *restrict level_of, __global int *restrict outlines,
-                             __global float *restrict outline, __global long *restrict part) {
+                             __global float *restrict outline, __global int *restrict part) {
     const Some all = {0, 1, m};
-    INT used = 0, last = -1;
-    LONG members = 0, entries = 0;
+    INT used = 0;
     FOR_EACH_PACKET(i, m) {
         const SeenCorners at = corners_of(point, face, all, i);
         const MASK wanted = those_of(among, all, i) & may_be_seen(at, side) & is_inside(at, side);
@@ -353,20 +355,13 @@ __kernel void place_polygons(const int m, const int pitch, const int side, __con
         store_covers(c.run[0], c.run[1], covers + i, pitch);
         STORE_LANES(p.near, near + i);
         used |= c.within ? (INT)1 << level : (INT)0;
-        last = c.within ? i + LANE : last;
-        members += TO_LONG(c.within ? (INT)1 : (INT)0);
-        INT cells = 1;
-        for (int k = 0; k < 2; k++)
-            cells *= ((c.run[k].begin + c.run[k].more) >> level) - (c.run[k].begin >> level) + 1;
-        entries += TO_LONG((c.within & !c.sprawls) ? cells : (INT)0);
         store_flags(c.within ? (c.sprawls ? (INT)OUTLINED : level) : (INT)ABSENT, level_of + i);
         if (ANY(c.sprawls)) add_outlines(c, p.near, level, i, place->off, outlines, outline);
     }
-    __global long *note = part + 4 * get_global_id(0);
     int lane[W], every = 0;
     STORE_LANES(used, lane);
     for (int k = 0; k < W; k++) every |= lane[k];
-    note[0] = every, note[1] = LARGEST(last), note[2] = sum_of_lanes(members), note[3] = sum_of_lanes(entries);
+    part[get_global_id(0)] = every;
 }
 
 /* W polygons' cells in rows of them. x, y: where their sides begin, lower end first, end_y, slope: where they end;
@@ -403,7 +398,7 @@ INLINE Outlines outlines_of(__global const float *restrict outline, const int n,
         const MASK falls = y[k] > y[next];
         const FLOAT end = falls ? x[k] : x[next];
         o.x[k] = falls ? x[next] : x[k], o.y[k] = falls ? y[next] : y[k], o.end_y[k] = falls ? y[k] : y[next];
-        const MASK flat = o.end_y[k] - o.y[k] < 0x1p-10f; /* why: see _across() in plan/accel/cells.py */
+        const MASK flat = o.end_y[k] - o.y[k] < 0x1p-10f; /* a strip that needs it has both its ends */
         o.slope[k] = flat ? (FLOAT)0 : (end - o.x[k]) / (o.end_y[k] - o.y[k]);
     }
     return o;
@@ -443,24 +438,21 @@ INLINE Runs runs_of(const Outlines *o, const INT row) {
     return runs;
 }
 
-/* How many entries each cell has of polygons with outlines; for each work-item, how many in all. */
+/* How many entries each cell has of polygons with outlines. */
 __kernel void count_outlines(const int n, const int pixels, __constant Levels *levels,
-                             __global const float *restrict outline, volatile __global int *count,
-                             __global long *restrict part) {
-    long entries = 0;
+                             __global const float *restrict outline, volatile __global int *count) {
     FOR_EACH_PACKET(i, n) {
         const Outlines o = outlines_of(outline + (long)OUTLINE * i, n - i, levels, pixels);
         for (INT row = o.top; ANY(row <= o.bottom); row++) {
             const Runs runs = runs_of(&o, row);
             for (int k = 0; k < W; k++)
-                for (int cell = runs.begin[k]; cell < runs.end[k]; cell++, entries++) atomic_inc(count + cell);
+                for (int cell = runs.begin[k]; cell < runs.end[k]; cell++) atomic_inc(count + cell);
         }
     }
-    part[get_global_id(0)] = entries;
 }
 
 /* The entries of polygons with outlines. index: of the first triangle. The rest: see scatter_members() in cells.cl. */
-__kernel void scatter_outlines(const int n, const int pixels, const int index, const uint mask,
+__kernel void scatter_outlines(const int n, const int pixels, const int index,
                                __constant Levels *levels, __global const float *restrict outline,
                                volatile __global int *next, __global ulong *restrict entry) {
     FOR_EACH_PACKET(i, n) {
@@ -470,7 +462,7 @@ __kernel void scatter_outlines(const int n, const int pixels, const int index, c
         ulong key[W];
         STORE_LANES(o.index, triangle);
         STORE_LANES(AS(float, o.near), near);
-        for (int k = 0; k < W; k++) key[k] = key_of(near[k], mask, index + triangle[k]);
+        for (int k = 0; k < W; k++) key[k] = key_of(near[k], index + triangle[k]);
         for (INT row = o.top; ANY(row <= o.bottom); row++) {
             const Runs runs = runs_of(&o, row);
             for (int k = 0; k < W; k++)
@@ -480,14 +472,14 @@ __kernel void scatter_outlines(const int n, const int pixels, const int index, c
 }
 
 /* The entries of polygons without outlines, which count_members() in cells.cl counts. */
-__kernel void scatter_polygons(const int n, const int pitch, const int index, const uint mask,
+__kernel void scatter_polygons(const int n, const int pitch, const int index,
                                __constant Levels *levels, __global const char *restrict level_of,
                                __global const short *restrict covers, __global const float *restrict near,
                                volatile __global int *next, __global ulong *restrict entry) {
     FOR_EACH_SPHERE(i, n) {
         const int level = level_of[i];
         if (level < 0) continue;
-        const ulong key = key_of(near[i], mask, index + i);
+        const ulong key = key_of(near[i], index + i);
         FOR_EACH_CELL(cell, i, level)
         entry[atomic_inc(next + cell)] = key;
     }

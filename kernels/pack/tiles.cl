@@ -1,5 +1,5 @@
-/* tiles.cl: which cells spheres cover: of the picture, and of the grids of a light at a point. These are the kernels of
- * accel/discs.py, accel/tiles.py and accel/light_buffer.py of cltrace/plan, with the same arithmetic in the same order.
+/* tiles.cl: which cells spheres cover: of the picture, and of the grids of a light at a point. The bounds are
+ * those of accel/silhouettes.py and accel/grids.py of cltrace/plan.
  *
  * edge_t and edge4, of the host, are the types of discs' edges: float, or double where cells are too fine for that.
  * `covers` holds four columns of `pitch` shorts each: the first column and row of cells and how many more of each.
@@ -217,15 +217,13 @@ INLINE MASK fit(const EDGE *disc, const edge4 pane) {
 }
 
 /* The cells of a window that discs cover, of those that fit into one pane and not into another one. x_axis, y_axis: see
- * cells_of(); furthest: a depth beyond which nothing matters. For each work-item, four numbers: how many spheres are
- * entered, how many cells of level 0 they cover, the last one of them, and how many of them are in no grid of this
- * light before. */
+ * cells_of(); furthest: a depth beyond which nothing matters. For each work-item, three numbers: how many spheres are
+ * entered, how many cells of level 0 they cover, and how many of them are in no grid of this light before. */
 __kernel void place(const int n, const int pitch, const edge4 x_axis, const edge4 y_axis, const edge_t slack,
                     const float furthest, const edge4 fits, const edge4 beside, __global const edge_t *restrict edges,
                     __global char *restrict flags, __global short *restrict covers, __global float *restrict near,
                     __global long *restrict part) {
     LONG members = 0, entries = 0, more = 0;
-    INT last = -1;
     FOR_EACH_PACKET(i, n) {
         const FLOAT depth = LOAD_LANES(near + i);
         MASK within = depth < furthest;
@@ -242,12 +240,10 @@ __kernel void place(const int n, const int pitch, const edge4 x_axis, const edge
         const INT flag = load_flags(flags + i);
         store_flags(within ? flag | ENTERED : flag, flags + i);
         members += TO_LONG(within ? (INT)1 : (INT)0);
-        last = within ? i + LANE : last;
         entries += TO_LONG(within ? (row.more + 1) * (rows.more + 1) : (INT)0);
         more += TO_LONG((within & ((flag & ENTERED) == 0)) ? (INT)1 : (INT)0);
     }
-    part[4 * get_global_id(0)] = sum_of_lanes(members);
-    part[4 * get_global_id(0) + 1] = sum_of_lanes(entries);
-    part[4 * get_global_id(0) + 2] = LARGEST(last);
-    part[4 * get_global_id(0) + 3] = sum_of_lanes(more);
+    part[3 * get_global_id(0)] = sum_of_lanes(members);
+    part[3 * get_global_id(0) + 1] = sum_of_lanes(entries);
+    part[3 * get_global_id(0) + 2] = sum_of_lanes(more);
 }

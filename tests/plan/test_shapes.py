@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,6 +13,7 @@ import cltrace
 from cltrace.plan import world
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Request
+from cltrace.plan.rounding import rotated
 from cltrace.plan.shapes.mesh import Meshes
 from cltrace.plan.shapes.shape import InView, Shape, Sights
 from cltrace.plan.shapes.sphere import Spheres
@@ -72,7 +73,8 @@ class BallsInView(InView):
         return Sights({}, eye=eye, lights=seen, visible=None, inside=eye.power <= 0, lit={})
 
     def from_point(self, light: Any, small: Space, unit: float) -> Any:
-        return small.seen_from(light.place * unit)[0]
+        seen = small.seen_from(light.place * unit)[0]
+        return replace(seen, center=rotated(light.basis, seen.center))
 
     def along(self, light: Any, small: Space, unit: float) -> Any:
         return small.seen_from_eye()

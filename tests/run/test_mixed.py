@@ -1,4 +1,5 @@
-"""Worlds of triangles, ellipsoids and spheres that a device helps to pack: every buffer has the bits of numpy's."""
+"""Worlds of triangles, ellipsoids and spheres that a device helps to pack: buffers but those of lists have the bits of
+numpy's."""
 
 from __future__ import annotations
 

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.base.arithmetic import cross
-from cltrace.base.arrays import blockwise
-from cltrace.plan.accel.capsules import Capsules
+from cltrace.plan.accel.silhouettes import Capsules
 from cltrace.plan.lights import AtPoint, Lamp, Parallel
 from cltrace.plan.order import MANY, spatial_order
 from cltrace.plan.paths import Paths
@@ -180,9 +179,8 @@ class CylindersInView(InView):
         seen = [light.look(self, k, side) for light, side in zip(lights, sides, strict=True)]
         eye = self.capsules(self.near, k)
         lit: Arrays = {"rod_side": sides.reshape(-1)}
-        inside = blockwise(len(eye), lambda block: eye.nearest(block) == 0)
         arrays: Arrays = {"rod_seen": self._seen(k)}
-        return Sights(arrays, eye=eye, lights=[*seen], visible=None, inside=np.concatenate(inside), lit=lit)
+        return Sights(arrays, eye=eye, lights=[*seen], visible=None, inside=eye.inside, lit=lit)
 
     def _seen(self, k: int) -> NDArray[np.float32]:
         """The kernel's buffer of that name."""

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cltrace.base.arrays import widened
-from cltrace.plan.accel.polygons import Polygons, Sight
+from cltrace.plan.accel.silhouettes import Polygons
 from cltrace.plan.attributes import Attributes
 from cltrace.plan.lights import AtPoint, Lamp, Parallel
 from cltrace.plan.materials import may_bounce
@@ -127,7 +127,7 @@ class MeshesInView(InView):
             self.near, along_light(self.near, self.triangles, light.axes, towards=light.towards, out=out)
         )
 
-    def polygons(self, vertex: Array, side: Sides, sight: Sight | None = None) -> Polygons:
+    def polygons(self, vertex: Array, side: Sides, sight: Any = None) -> Polygons:
         """See Polygons."""
         return Polygons(vertex, self.triangles.face[:, :3], self.first, side, sight)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import CONSTANTS, dtype_of, real_dtype
-from cltrace.plan.accel.discs import Discs
-from cltrace.plan.accel.silhouettes import LOOSE, Silhouettes
+from cltrace.plan.accel.silhouettes import FINE_SLACK, Discs, Silhouettes
 from cltrace.plan.culling import hidden, repeated
 from cltrace.plan.lights import AtPoint, Lamp, Parallel
 from cltrace.plan.order import MANY, gathered, spatial_order, step
@@ -146,8 +145,9 @@ class SpheresInView(InView):
 
     def from_point(self, light: AtPoint, small: Space, unit: float, filter_: Any, side: NDArray[np.int8]) -> Discs:
         """What a light sees. small: in 1 / unit scene units; filter_: (n, 4), abi's light_filter; side: (n,)."""
-        seen, side[:] = small.seen_from(light.place * unit)
-        filter_[:, :3], filter_[:, 3] = -rotated(light.basis, seen.center), filter_constant(seen)
+        in_world, side[:] = small.seen_from(light.place * unit)
+        seen = replace(in_world, center=rotated(light.basis, in_world.center))
+        filter_[:, :3], filter_[:, 3] = -seen.center, filter_constant(in_world)
         if maps := self.spheres.maps:
             exact = maps.sides(self.spheres.center, self.spheres.radius, light.place)
             side[:] = np.where(maps.of_sphere > 0, exact, side)
@@ -165,7 +165,7 @@ class SpheresInView(InView):
         eye_filter = np.empty((len(small.radius), 4), np.float32)
         if self.camera.parallel:
             u, v = small.center[:, 0], small.center[:, 1]
-            eye_filter[:, 0], eye_filter[:, 1], eye_filter[:, 2] = u, v, disc_filter(u, v, small.radius, LOOSE)
+            eye_filter[:, 0], eye_filter[:, 1], eye_filter[:, 2] = u, v, disc_filter(u, v, small.radius, FINE_SLACK)
             eye_filter[:, 3] = 0
         else:
             eye_filter[:, :3], eye_filter[:, 3] = small.center, filter_constant(small.seen_from_eye())

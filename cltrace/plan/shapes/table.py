@@ -1,6 +1,6 @@
 """The table of shapes: a row for each. Surfaces are in this order wherever there is one list of all of them.
 
-Triangles are last, as the kernel, and what is held elsewhere (Held in accel/cells.py), tell them by the first one's
+Triangles are last, as the kernel, and what is held elsewhere (Held in accel/grids.py), tell them by the first one's
 index.
 """
 

@@ -1,53 +1,131 @@
-"""The lists of grids on a device, with the same bits as those of cltrace.plan.accel.cells."""
+"""The lists of grids on a device: those of several cameras, beside what these have in common.
+
+Unlike those of cltrace.plan.accel.grids, they may be on several levels: a surface is entered on one of them only.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
+from weakref import finalize
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import CONSTANTS, Precision, dtype_of
-from cltrace.plan.accel.cells import (
-    ONE_CELL_LEVEL,
-    SPARE,
-    CellGrid,
-    Keys,
-    Placement,
-    Strip,
-    chosen_lift,
-    entered_in,
-    fill_record,
-)
-from cltrace.run.pack.list_buffers import ListBuffers, Part
+from cltrace.plan.accel.grids import ONE_CELL_LEVEL, SPARE, CellGrid, fill_record, level_of, listed
 from cltrace.run.pack.polygons import EnteredPolygons
 from cltrace.run.pack.toolbox import Arguments, EdgeType, Toolbox
 
 # Work-items that go through cells, or note much.
 ITEMS = 2**10
-NONE = np.zeros(0, np.int32)
-# Of lists that are all in one cell.
-ONE_CELL = Keys(used=[0], pitch=[1], base=[0], cells=1, mask=0, index_bits=31, near_bits=32)
-# Starts the kernels that write entries, which are given `mask`, the bits of depth that count, `levels`, `next`, where
-# the next entry of each cell belongs, and `entry`.
+# What is taken for one grid that holds nothing yet: neither many surfaces nor many cells are known of it.
+LEAST = 2**17
+# On a CPU there is room for so many grids beside those of lights: the tiles of some cameras.
+CAMERAS = 3
+# Where spheres take more entries each, beside SPARE ones, each is on the level of its size.
+ENTRIES = 6
+# Starts the kernels that write entries. They are given `levels`, `next`, where the next entry of each cell belongs, and
+# `entry`.
 Scatter = Callable[..., None]
+
+
+# ----------------------------------------------------------------------------------------------------------- buffers
+
+
+class Part(NamedTuple):
+    """A part of ListBuffers: where it begins in `start` and in `entry`, and where it ends there."""
+
+    cell: int
+    entry: int
+    cell_stop: int
+    entry_stop: int
+
+    def meets(self, other: Part) -> bool:
+        """Whether they have anything in common."""
+        return (self.cell < other.cell_stop and other.cell < self.cell_stop) or (
+            self.entry < other.entry_stop and other.entry < self.entry_stop
+        )
+
+
+class ListBuffers:
+    """Buffers of lists, and who uses which part of them.
+
+    start, entry: those of abi, for so many cells and entries; common: what is there for all cameras. One thread at a
+    time may write there; who reads what has been written need not wait.
+    """
+
+    def __init__(self, tools: Toolbox, cells: int, entries: int) -> None:
+        self._tools, self._size = tools, (cells, entries)
+        self.start = tools.room(cells, np.int32, again=True)
+        self.entry = tools.room(entries, np.uint64, again=True)
+        self.common = Part(0, 0, 0, 0)
+        self._taken: dict[object, Part] = {}
+
+    @classmethod
+    def of(cls, tools: Toolbox, surfaces: int, lights: int) -> ListBuffers:
+        """One for the lists of so many surfaces and lights, which grows with them on a GPU.
+
+        On a CPU it is ample: memory costs nothing until it is written to. Down a tunnel, a sphere has four
+        entries for each light.
+        """
+        if tools.kind != "cpu":
+            return cls(tools, 1, 1)
+        ample = (CAMERAS + lights) * max(surfaces, LEAST)
+        return cls(tools, min(ample, tools.most(np.int32)), min(6 * ample, tools.most(np.uint64)))
+
+    def fits(self, cells: int, entries: int) -> bool:
+        """Whether there is room for so many, from the first one on."""
+        return cells <= self._size[0] and entries <= self._size[1]
+
+    def gap(self, cells: int, entries: int) -> tuple[int, int] | None:
+        """The first cell and the first entry of a part that nobody has taken, None if there is none."""
+        taken = [self.common, *list(self._taken.values())]
+        for cell, entry in [(0, 0), *((part.cell_stop, part.entry_stop) for part in taken)]:
+            part = Part(cell, entry, cell + cells, entry + entries)
+            if self.fits(part.cell_stop, part.entry_stop) and not any(map(part.meets, taken)):
+                return cell, entry
+        return None
+
+    def take(self, part: Part, owner: object) -> None:
+        """Keeps a part for as long as somebody keeps its owner."""
+        key = object()
+        self._taken[key] = part
+        finalize(owner, self._taken.pop, key, None).atexit = False
+
+    def another(self, used: tuple[int, int], cells: int, entries: int) -> ListBuffers:
+        """One for at least so many, with what is common. used: how many cells and entries are copied there.
+
+        Raises DeviceError if the device can have no such buffers.
+        """
+        sizes = [
+            old if least <= old else max(least, min(old * 3 // 2, self._tools.most(kind)))
+            for least, old, kind in zip((cells, entries), self._size, (np.int32, np.uint64), strict=True)
+        ]
+        other = ListBuffers(self._tools, *sizes)
+        self._tools.copy(self.start, other.start, 0, 4 * used[0])
+        self._tools.copy(self.entry, other.entry, 0, 8 * used[1])
+        other.common = self.common
+        return other
+
+
+# ----------------------------------------------------------------------------------------------------------- writing
 
 
 class Covers:
     """Which cells of one grid n spheres cover: `covers` and `near` of kernels/pack/tiles.cl.
 
-    members: how many are entered; entries: how many cells of level 0 they cover; last: the last one of them; more: how
-    many of them are in no grid of the same light before.
+    members: how many are entered; entries: how many cells of level 0 they cover; more: how many of them are in no grid
+    of the same light before.
     """
 
     def __init__(self, tools: Toolbox, n: int, pitch: int) -> None:
         self.tools, self.n, self.pitch = tools, n, pitch
         self.cells = tools.room(4 * pitch, np.int16, again=True)
         self.near = tools.room(pitch, np.float32, again=True)
-        self.members = self.entries = self.last = self.more = 0
+        self.members = self.entries = self.more = 0
 
     @property
     def arguments(self) -> Arguments:
@@ -56,18 +134,54 @@ class Covers:
 
     def place(self, edge: EdgeType, **arguments: Any) -> None:
         """Makes them by the kernel of this name, of which these are the other arguments."""
-        part = self.tools.noted("place", 4, np.int64, edge=edge, **self.arguments, **arguments)
-        self.members, self.entries, _, self.more = part.sum(axis=0).tolist()
-        self.last = int(part[:, 2].max())
+        part = self.tools.noted("place", 3, np.int64, edge=edge, **self.arguments, **arguments)
+        self.members, self.entries, self.more = part.sum(axis=0).tolist()
 
 
 @dataclass(frozen=True)
-class _Layout:
-    """How a grid's entries are made, and how many, at most. lift: of chosen_lift()."""
+class Levels:
+    """The levels of a grid that hold anything.
 
-    keys: Keys
-    entries: int
-    lift: int | None = None
+    used: rising; pitch, base: of each level from 0 on, the cells in a row, and the first cell; cells: of all levels.
+    """
+
+    used: list[int]
+    pitch: list[int]
+    base: list[int]
+    cells: int
+
+    @classmethod
+    def of(cls, used: list[int], cells: tuple[int, int]) -> Levels:
+        """used: rising; cells: (columns, rows) of level 0."""
+        if cells == (1, 1) or not used:
+            return cls([ONE_CELL_LEVEL] if used else [], [1], [0], 1)
+        pitch = [((cells[0] - 1) >> k) + 1 for k in range(used[-1] + 1)]
+        base, total = [0 for _ in pitch], 0
+        for k in reversed(used):
+            base[k] = total
+            total += pitch[k] * (((cells[1] - 1) >> k) + 1)
+        return cls(used, pitch, base, total)
+
+    @property
+    def mask(self) -> int:
+        """A bit for each of `used`."""
+        return sum(1 << k for k in self.used)
+
+    def on(self, tools: Toolbox) -> Any:
+        """`Levels` of kernels/pack/cells.cl."""
+        table = np.zeros((2, 16), np.int32)
+        table[0, : len(self.pitch)], table[1, : len(self.base)] = self.pitch, self.base
+        return tools.upload(table)
+
+    def some(self, tools: Toolbox, counts: Any, every: Levels, rows: int) -> Any:
+        """Of counts of the cells of every level, those of these levels. rows: of cells, on level 0."""
+        if self.cells == every.cells:
+            return counts
+        found = tools.room(self.cells, np.int32)
+        for k in self.used:
+            size = self.pitch[k] * (((rows - 1) >> k) + 1)
+            tools.copy(counts, found, 4 * self.base[k], 4 * size, first=4 * every.base[k])
+        return found
 
 
 class Listed(NamedTuple):
@@ -75,74 +189,6 @@ class Listed(NamedTuple):
 
     cell: int
     mask: int
-
-
-@dataclass(frozen=True)
-class _OwnMembers:
-    """The members that a grid itself has, on a device, beside its strips of cells.
-
-    used: their levels; entries: how many; last: the last one; members, strips: what kernels are given that go through
-    them; written: what entries are made of.
-    """
-
-    tools: Toolbox
-    used: list[int]
-    entries: int
-    last: int
-    members: Arguments
-    strips: Arguments
-    written: Arguments
-
-    @classmethod
-    def of(cls, tools: Toolbox, grid: CellGrid, price: float | None) -> _OwnMembers:
-        """price: of Placement.of()."""
-
-        def shared(**arrays: NDArray[Any]) -> Arguments:
-            return {name: tools.share(np.ascontiguousarray(array)) for name, array in arrays.items()}
-
-        place, n = Placement.of(grid, price), len(grid.member)
-        columns = zip(*place.strips, strict=True) if place.strips else 4 * [[NONE]]
-        strip = [np.concatenate(parts).astype(np.int32) for parts in columns]
-        boxes = np.where(place.outlined, np.int8(-1), place.level)
-        return cls(
-            tools,
-            place.used,
-            place.entries,
-            last=int(grid.member.max(initial=-1)),
-            members={"n": n, "pitch": n} | shared(level_of=boxes, covers=grid.covers),
-            strips={"n": len(strip[0])} | shared(level_of=place.level, **dict(zip(Strip._fields, strip, strict=True))),
-            written=shared(member=grid.member, near=grid.near),
-        )
-
-    def count(self, **cells: Any) -> None:
-        if self.members["n"]:
-            self.tools.run("count_members", **self.members, **cells)
-        if self.strips["n"]:
-            self.tools.run("count_strips", **self.strips, **cells)
-
-    def scatter(self, **entries: Any) -> None:
-        if self.members["n"]:
-            self.tools.run("scatter_members", **self.members, **self.written, **entries)
-        if self.strips["n"]:
-            self.tools.run("scatter_strips", **self.strips, **self.written, **entries)
-
-
-def _levels(tools: Toolbox, keys: Keys) -> Any:
-    """`Levels` of kernels/pack/cells.cl."""
-    table = np.zeros((2, 16), np.int32)
-    table[0, : len(keys.pitch)], table[1, : len(keys.base)] = keys.pitch, keys.base
-    return tools.upload(table)
-
-
-def _of_levels(tools: Toolbox, counts: Any, every: Keys, keys: Keys, rows: int) -> Any:
-    """Of counts of the cells of every level, those of the levels that are used. rows: of cells, on level 0."""
-    if keys.cells == every.cells:
-        return counts
-    found = tools.room(keys.cells, np.int32)
-    for k in keys.used:
-        size = keys.pitch[k] * (((rows - 1) >> k) + 1)
-        tools.copy(counts, found, 4 * keys.base[k], 4 * size, first=4 * every.base[k])
-    return found
 
 
 class ListWriter:
@@ -160,27 +206,70 @@ class ListWriter:
         self._begin = self._second = self._next = (0, 0)
 
     def add(self, grid: CellGrid, covers: Covers) -> None:
-        """Makes the lists of a grid, whose own members are not looked at."""
-        tools, layout = self._tools, self._layout(grid, covers)
-        spheres = covers.arguments | {"lift": -1 if layout.lift is None else layout.lift}
-        counts = tools.room(layout.keys.cells, np.int32)
-        tools.clear(counts, layout.keys.cells)
-        if layout.entries:
-            tools.run("count_entries", **spheres, levels=_levels(tools, layout.keys), count=counts)
-        self._list(grid, layout, counts, partial(tools.run, "scatter_entries", **spheres))
+        """Makes the lists of a grid of spheres."""
+        tools, used, entries, lift = self._tools, [0] if covers.members else [], covers.entries, -1
+        if grid.cells == (1, 1):
+            entries = covers.members
+        elif entries > ENTRIES * covers.members + SPARE:
+            sizes = tools.noted("tally", 17, np.int64, items=ITEMS, **covers.arguments).sum(axis=0)
+            entries, used, lift = int(sizes[16]), np.flatnonzero(sizes[:16]).tolist(), 0
+        levels, spheres = Levels.of(used, grid.cells), covers.arguments | {"lift": lift}
+        counts = tools.room(levels.cells, np.int32)
+        tools.clear(counts, levels.cells)
+        if entries:
+            tools.run("count_entries", **spheres, levels=levels.on(tools), count=counts)
+        self._list(grid, levels, entries, counts, partial(tools.run, "scatter_entries", **spheres))
 
-    def _list(self, grid: CellGrid, layout: _Layout, counts: Any, scatter: Scatter) -> None:
-        """Makes lists of which it is known how many entries each cell has."""
-        tools, sums, keys, entries = self._tools, self._tools.room(ITEMS, np.int32), layout.keys, layout.entries
-        tools.run("sum_cells", items=ITEMS, cells=keys.cells, count=counts, sum=sums)
-        at, first = self._place(keys.cells, entries)
-        lists, entry = {"cells": keys.cells, "at": at, "start": self.lists.start}, self.lists.entry
+    def add_members(self, grid: CellGrid) -> None:
+        """Makes the lists of a grid, of its own members, which are on one level, and of those that are held."""
+        tools, held, own = self._tools, grid.held, grid.members
+        if held is not None and not isinstance(held, EnteredPolygons):
+            raise TypeError("what is held elsewhere is not on this device")
+        if grid.cells == (1, 1) or not (len(own.member) or (held and held.used)):
+            _, entry, mask = listed(grid)
+            at, first = self._place(1, len(entry))
+            tools.copy(tools.upload(np.array([first, first + len(entry)], np.int32)), self.lists.start, 4 * at, 8)
+            tools.copy(tools.upload(entry), self.lists.entry, 8 * first, 8 * len(entry))
+            self.add_again(grid, Listed(at, mask))
+            return
+        level, n = level_of(own.covers), len(own.member)
+        members: Arguments = {"n": n, "pitch": n, "level_of": tools.upload(np.full(n, level, np.int8))}
+        members["covers"] = tools.upload(own.covers)
+        written = {"member": tools.upload(own.member), "near": tools.upload(own.near)}
+        used = sorted({*([level] if n else []), *(held.used if held else [])})
+        # How many entries outlines have is known only when all levels have been counted: the cells of those that are
+        # used are put together then.
+        every = Levels.of(list(range(used[-1] + 1)), grid.cells)
+        counts = tools.room(every.cells, np.int32)
+        tools.clear(counts, every.cells)
+        cells = {"levels": every.on(tools), "count": counts}
+        if n:
+            tools.run("count_members", **members, **cells)
+        if held:
+            held.count(**cells)
+        levels = Levels.of(used, grid.cells)
+
+        def scatter(**entries: Any) -> None:
+            if n:
+                tools.run("scatter_members", **members, **written, **entries)
+            if held:
+                held.scatter(**entries)
+
+        self._list(grid, levels, None, levels.some(tools, counts, every, grid.cells[1]), scatter)
+
+    def _list(self, grid: CellGrid, levels: Levels, entries: int | None, counts: Any, scatter: Scatter) -> None:
+        """Makes lists of which it is known how many entries each cell has. entries: of all cells, None: not known."""
+        tools, sums = self._tools, self._tools.room(ITEMS, np.int32)
+        tools.run("sum_cells", items=ITEMS, cells=levels.cells, count=counts, sum=sums)
+        if entries is None:
+            entries = int(tools.read(sums, ITEMS, np.int32).sum())
+        at, first = self._place(levels.cells, entries)
+        lists, entry = {"cells": levels.cells, "at": at, "start": self.lists.start}, self.lists.entry
         tools.run("start_cells", items=ITEMS, **lists, first=first, count=counts, sum=sums)
         if entries:
-            bits = 2**32 - 2 ** (32 - keys.near_bits)
-            scatter(levels=_levels(tools, keys), mask=bits, next=counts, entry=entry)
+            scatter(levels=levels.on(tools), next=counts, entry=entry)
             tools.run("sort_lists", **lists, entry=entry)
-        self.add_again(grid, Listed(at, keys.mask))
+        self.add_again(grid, Listed(at, levels.mask))
 
     def _place(self, cells: int, entries: int) -> tuple[int, int]:
         """The first cell and the first entry of the next grid's lists. There is room for so many then."""
@@ -194,65 +283,12 @@ class ListWriter:
             self._begin, self._second = (at, first), self._next
         return at, first
 
-    def add_again(self, grid: CellGrid, listed: Listed) -> None:
+    def add_again(self, grid: CellGrid, where: Listed) -> None:
         """Adds a grid whose lists are there already."""
         record = np.zeros(1, self._dtype)
-        fill_record(record[0], grid, *listed)
+        fill_record(record[0], grid, *where)
         self.records.append(record)
-        self.listed.append(listed)
-
-    def add_members(self, grid: CellGrid) -> None:
-        """Makes the lists of a grid, of its own members and of those that are held."""
-        tools, held = self._tools, grid.held
-        if held is not None and not isinstance(held, EnteredPolygons):
-            raise TypeError("what is held elsewhere is not on this device")
-        price = held.enter(grid) if held else None
-        if grid.cells == (1, 1) or not (len(grid.member) or (held and held.used)):
-            _, entry, mask = entered_in(grid)
-            at, first = self._place(1, len(entry))
-            tools.copy(tools.upload(np.array([first, first + len(entry)], np.int32)), self.lists.start, 4 * at, 8)
-            tools.copy(tools.upload(entry), self.lists.entry, 8 * first, 8 * len(entry))
-            self.add_again(grid, Listed(at, mask))
-            return
-        own = _OwnMembers.of(tools, grid, price)
-        used = sorted({*own.used, *(held.used if held else ())})
-        # Which levels are used is known only now, but how many entries the others' outlines have, only when all levels
-        # have been counted: their cells are put together then.
-        every = Keys.on(list(range(used[-1] + 1)), grid.cells, 0)
-        counts, levels = tools.room(every.cells, np.int32), _levels(tools, every)
-        tools.clear(counts, every.cells)
-        own.count(levels=levels, count=counts)
-        entries = own.entries + (held.count(levels=levels, count=counts) if held else 0)
-        keys = Keys.on(used, grid.cells, max(own.last, held.last if held else -1))
-        counts = _of_levels(tools, counts, every, keys, rows=grid.cells[1])
-
-        def scatter(**written: Any) -> None:
-            own.scatter(**written)
-            if held:
-                held.scatter(**written)
-
-        self._list(grid, _Layout(keys, entries), counts, scatter)
-
-    def _layout(self, grid: CellGrid, covers: Covers) -> _Layout:
-        if not covers.members:
-            return _Layout(ONE_CELL, 0)
-        if grid.cells == (1, 1):
-            return _Layout(replace(ONE_CELL, mask=1 << ONE_CELL_LEVEL), covers.members)
-        tallies = list[NDArray[np.int64]]()
-
-        def tally() -> NDArray[np.int64]:
-            if not tallies:
-                lifts = 1 if covers.members >= SPARE else 16
-                part = self._tools.noted("tally", 32, np.int64, items=ITEMS, lifts=lifts, **covers.arguments)
-                tallies.append(part.sum(axis=0))
-            return tallies[0]
-
-        def largest() -> int:
-            return int(np.flatnonzero(tally()[16:]).max())
-
-        lift, entries = chosen_lift(covers.members, covers.entries, largest, lambda lift: int(tally()[lift]))
-        used = [0] if lift is None else sorted({max(bits - lift, 0) for bits in np.flatnonzero(tally()[16:]).tolist()})
-        return _Layout(Keys.on(used, grid.cells, covers.last), entries, lift)
+        self.listed.append(where)
 
     def done(self, common: bool = True) -> tuple[dict[str, Any], NDArray[np.void]]:
         """The buffers `start` and `entry`, and the records: lists of the first grid stay while somebody keeps these.

@@ -18,8 +18,8 @@ import numpy as np
 from cltrace.base.errors import BuildError, DeviceError
 from cltrace.base.waiting import Announcement
 from cltrace.plan.abi import Precision
-from cltrace.plan.accel.cells import CellGrid
-from cltrace.plan.accel.polygons import Polygons
+from cltrace.plan.accel.grids import CellGrid
+from cltrace.plan.accel.silhouettes import Polygons
 from cltrace.plan.lights import AtPoint, Lamp, Move, Parallel, are_at_points, kinds
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array
@@ -29,8 +29,7 @@ from cltrace.plan.shapes.triangle import exact_sides, exact_turns
 from cltrace.plan.view import Known, Methods, View
 from cltrace.plan.world import World
 from cltrace.run.devices import Device, driver_errors
-from cltrace.run.pack.list_buffers import ListBuffers
-from cltrace.run.pack.lists import Listed, ListWriter
+from cltrace.run.pack.lists import ListBuffers, Listed, ListWriter
 from cltrace.run.pack.polygons import PolygonSight
 from cltrace.run.pack.toolbox import Arguments, Toolbox, is_exact, kernel_of
 from cltrace.scene import AnyCamera

@@ -1,22 +1,43 @@
-"""Triangles as polygons, and the cells that they cover, on a device, with the bits of cltrace.plan."""
+"""Triangles as polygons on a plane, and the cells that they cover, on a device.
+
+A triangle seen from a point is a convex polygon on the image plane, or on a side of a light's cube. Most have their
+three corners ahead and not far out of the window that is looked through. The others, and those near the point, are left
+to cltrace.plan.accel.silhouettes, which knows rectangles alone. Polygons that cover more than a row or a column of
+cells are entered in the cells that they touch, on one of several levels.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.plan.accel.cells import SLACK, CellGrid, Place, Sizes, most_levels, price_of
-from cltrace.plan.accel.polygons import ENTRIES, off_by
-from cltrace.plan.accel.silhouettes import Elsewhere, Extent, Pane
+from cltrace.plan.abi import CONSTANTS
+from cltrace.plan.accel.grids import SIDE, SIDES, Extent, Shadows, Side, Window
+from cltrace.plan.accel.silhouettes import DEPTH_SLACK, SLACK, TURNED
 from cltrace.plan.rounding import Array, Mask
 from cltrace.run.pack.toolbox import PACKET, Arguments, Toolbox
 
-# Numbers that kernels/pack/polygons.cl notes of a side, sides of a cube, numbers of an outline, and what is no level.
-EXTENTS, SIDES, OUTLINE, ABSENT = 11, 6, 16, -1
+# So many times as wide and high as the window is the pyramid in which corners are divided by their depth.
+GUARD = 2.0
+# Pixels smaller than this, at z = -1, are too small for slopes in float32 to be divided by them, and cells of parallel
+# light that are narrower than the other are too narrow for places in float32, which are off by 2^-23.
+TINY, TINY_CELL = 2.0**-64, 2.0**-16
+# In a light's lists. Triangles take longer to enter than to try, and few of them may have many entries: for five meshes
+# of 1,000 to 100,000, twice as many or half as many change little.
+ENTRIES, FINER = 1.6, 2**14
+# So many entries, besides 4 for each triangle, a grid may have.
+SPARE = 2**18
+# How many looks an entry of a triangle in the tiles has to save. Without a price, a ball of 1,000 triangles takes 18 ms
+# of a processor's time to list instead of 12, and 47 to draw instead of 49 (PoCL 3.1, 1920x1080).
+PRICE = 2.0
+# The price of entries follows from one in so many polygons, unless those are fewer than this.
+SAMPLE, FEW_SAMPLES = 16, 2**12
+# Numbers that kernels/pack/polygons.cl notes of a side, numbers of an outline, and what is no level.
+EXTENTS, OUTLINE, ABSENT = 11, 16, -1
 # `Pane` and `Place` of kernels/pack/polygons.cl.
 PANE = np.dtype(
     [(name, "f4", 2) for name in ("middle", "halves", "loose", "size", "scale", "shift", "over")] + [("along", "f4")]
@@ -27,12 +48,71 @@ PLACE = np.dtype(
 )
 
 
+class Pane(NamedTuple):
+    """The window that is looked through, a rectangle of the plane one unit ahead.
+
+    middle, half: its middle and half of its sides, across and up, as slopes; scale, shift: coordinates on the plane
+    are slope * scale + shift; along: 0 where all is seen from a point. Where it is seen along a direction instead, it
+    is what depths are off by, and nothing is outside of the window.
+    """
+
+    middle: tuple[float, float]
+    half: tuple[float, float]
+    scale: tuple[float, float] = (1, 1)
+    shift: tuple[float, float] = (0, 0)
+    along: float = 0
+
+    @property
+    def largest(self) -> tuple[float, float]:
+        """The largest size of a slope in the pyramid in which corners are divided."""
+        across, up = (abs(m) + GUARD * h for m, h in zip(self.middle, self.half, strict=True))
+        return across, up
+
+    @property
+    def off(self) -> float:
+        """By how much corners on a side of a cube are off in double, beside what is allowed for roundings to float.
+
+        Across a parallel light it is what they are off by in float32.
+        """
+        return 2.0**-23 if self.along else TURNED * (1 + max(self.largest)) ** 2
+
+    @property
+    def record(self) -> NDArray[np.void]:
+        """`Pane` of kernels/pack/polygons.cl."""
+        made = np.zeros((), PANE)
+        made["along"] = self.along
+        for k in (0, 1):
+            reach = abs(self.middle[k]) + self.half[k]
+            made["middle"][k], made["halves"][k] = self.middle[k], self.half[k]
+            made["loose"][k], made["size"][k] = SLACK * reach, 1 + reach
+            made["scale"][k], made["shift"][k], made["over"][k] = self.scale[k], self.shift[k], 1 / self.scale[k]
+        return made
+
+
+class PolygonSizes(NamedTuple):
+    """How large n polygons are, in cells of level 0: their areas, and their widths plus heights, (n,) each."""
+
+    area: NDArray[np.float32]
+    sides: NDArray[np.float32]
+
+    def levels(self, price: float, levels: int) -> NDArray[np.int8]:
+        """The level of each one, below `levels`, at a price: see price_of()."""
+        level = np.zeros(len(self.area), np.int8)
+        large = np.flatnonzero(self.sides > 0) if price else ()  # others are in one cell
+        if len(large):
+            wide, filled = self.sides.take(large), self.area.take(large)
+            for k in range(1, levels):
+                looks = wide * np.float32(2.0 ** (k - 1)) + np.float32(3 * 4.0 ** (k - 1))
+                level[large] += looks <= price * (filled * np.float32(3 * 4.0**-k) + wide * np.float32(2.0**-k))
+        return level
+
+
 @dataclass
 class PolygonSight:
-    """A point that sees the m triangles of meshes: Sight of accel/polygons.py.
+    """A point that sees the m triangles of meshes.
 
     vertex: (v, 3), from there along the camera's axes, in the float buffers' unit; face: a buffer of m rows of four
-    ints; count: m; first: the index of the first triangle as a primitive.
+    ints; count: m; first: the index of the first triangle as a surface.
     """
 
     tools: Toolbox
@@ -41,152 +121,201 @@ class PolygonSight:
     count: int
     first: int
 
-    def see(self, axes: Array, sides: Sequence[int], pane: Pane, among: Mask, receiver: Mask) -> Sequence[Elsewhere]:
-        """See Sight."""
-        tools, v = self.tools, len(self.vertex)
+    def picture(self, axes: Array, window: Window, among: Mask) -> tuple[EnteredPolygons | None, Mask]:
+        """Enters on the tiles what the window shows of `among`, and says which surfaces are left to the host.
+
+        axes: (3, 3), across, down and ahead.
+        """
+        if min(window.step) <= TINY or max(window.size) <= CONSTANTS["TILE"]:
+            return None, among
+        first, count = window.region[:2], window.region[2:]
+        # A pixel's coordinates are its column and row. The window ends half a pixel beyond its outermost ones.
+        scale = [0.5 / step for step in window.step]
+        shift = [(n - 1) / 2 for n in window.size]
+        middle = [(first[k] + (count[k] - 1) / 2 - shift[k]) / scale[k] for k in (0, 1)]
+        half = [count[k] / 2 / scale[k] for k in (0, 1)]
+        pane = Pane((middle[0], middle[1]), (half[0], half[1]), (scale[0], scale[1]), (shift[0], shift[1]))
+        # In pixels: a 64th, and what coordinates are off by in float32, and in double before.
+        off = max(
+            SLACK * (s * p + n) + TURNED * s * (1 + p) ** 2
+            for s, p, n in zip(scale, pane.largest, window.size, strict=True)
+        )
+        (shown,) = self._see(axes, [4], pane, Shadows(among, among, 0))
+        place, loose = np.zeros((), PLACE), float(np.float32(1 / 64 + window.spread + off))
+        place["loose"], place["off"], place["scale"], place["pixels"] = loose, loose, 1, CONSTANTS["TILE"]
+        for row, axis in zip(place["axes"], window.axes, strict=True):
+            row[:2] = axis.first, axis.stop
+        tiles = max(-(-n // CONSTANTS["TILE"]) for n in window.size)
+        return EnteredPolygons.of(shown, place, tiles) if shown.members else None, shown.rest
+
+    def sides(self, cube: Array, who: Shadows) -> list[ShownSide]:
+        """What the sides of a cube around the point show, in their order. cube: (3, 3), its axes."""
+        return self._see(cube, range(len(SIDES)), Pane((0, 0), (SIDE, SIDE)), who)
+
+    def across(self, axes: Array, who: Shadows) -> ShownSide | None:
+        """What a parallel light shows, None if float32 is too coarse for it.
+
+        No coordinate exceeds sqrt(3), so places in float32 are off by 2^-24, and FINE_SLACK. The kernel's depths and
+        what is subtracted from them are, too, which is less than pane.along; in single, the slack is.
+        """
+        (shown,) = self._see(axes, [4], Pane((0, 0), (1, 1), along=DEPTH_SLACK + who.slack), who)
+        left, right, low, high = shown.extent.spans[0]
+        tiny = shown.members and (right - left) * (high - low) < max(shown.members, FINER) * TINY_CELL**2
+        return None if tiny else shown
+
+    def _see(self, axes: Array, sides: Sequence[int], pane: Pane, who: Shadows) -> list[ShownSide]:
+        """What sides of a cube show. axes: (3, 3), of the cube; sides: their indices, 2 k along axis k and 2 k + 1
+        against it, each of which has the next two axes across and up."""
+        tools, v, mine = self.tools, len(self.vertex), slice(self.first, self.first + self.count)
         bits, point = sum(1 << side for side in sides), tools.room(4 * (v + PACKET), np.int32, again=True)
-        common = {"pane": tools.upload(_pane(pane)), "point": point}
+        common = {"pane": tools.upload(pane.record), "point": point}
         cube = dict(zip("abc", axes, strict=True))
         tools.run("look_at_vertices", n=v, sides=bits, vertex=tools.share(self.vertex), **cube, **common)
-        rest = tools.room(SIDES * (1 + self.count), np.int32, again=True)
-        tools.clear(rest, SIDES)
-        common |= {"face": self.face, "among": tools.share(among)}
-        written = {"receiver": tools.share(receiver), "rest": rest}
-        part = tools.noted("see_polygons", SIDES * EXTENTS, np.float32, m=self.count, sides=bits, **common, **written)
-        part = part.reshape(-1, SIDES, EXTENTS)
+        rest = tools.room(len(SIDES) * (1 + self.count), np.int32, again=True)
+        tools.clear(rest, len(SIDES))
+        common |= {"face": self.face, "among": tools.share(np.ascontiguousarray(who.occluder[mine]))}
+        written = {"receiver": tools.share(np.ascontiguousarray(who.receiver[mine])), "rest": rest}
+        part = tools.noted(
+            "see_polygons", len(SIDES) * EXTENTS, np.float32, m=self.count, sides=bits, **common, **written
+        )
+        part = part.reshape(-1, len(SIDES), EXTENTS)
         most = part[:, :, :-1].max(axis=0).astype(np.float64)
         members = part[:, :, -1].sum(axis=0, dtype=np.int64)
-        counts, found = tools.read(rest, SIDES, np.int32).tolist(), []
+        counts, found = tools.read(rest, len(SIDES), np.int32).tolist(), []
         for side in sides:
-            left = np.sort(tools.read(rest, counts[side], np.int32, SIDES + side * self.count))
+            left = who.occluder.copy()
+            left[mine] = False
+            left[self.first + tools.read(rest, counts[side], np.int32, len(SIDES) + side * self.count)] = True
             # Left and low edges are noted with the other sign.
-            edges = (most[side, :8].reshape(2, 4) + off_by(pane)) * np.array([-1, 1, -1, 1])
+            edges = (most[side, :8].reshape(2, 4) + pane.off) * np.array([-1, 1, -1, 1])
             extent = Extent(edges.tolist(), -float(most[side, 8]), float(most[side, 9]))
-            seen = common | {"side": side}
-            found.append(ShownSide(int(members[side]), left, extent, off_by(pane), sight=self, seen=seen))
+            found.append(ShownSide(int(members[side]), left, extent, pane.off, self, common | {"side": side}))
         return found
 
 
 @dataclass
 class ShownSide:
-    """What a side of a cube shows of the triangles: Elsewhere of accel/silhouettes.py.
+    """What a side of a cube shows of the triangles.
 
-    seen: what kernels are given that look through it.
+    members: how many; rest: of all surfaces, those that are left to the host; extent: of Extent, with squared
+    distances; loose: how far off corners are, besides a few roundings; seen: what kernels are given that look through
+    it.
     """
 
     members: int
-    rest: NDArray[np.int32]
+    rest: Mask
     extent: Extent
     loose: float
     sight: PolygonSight
     seen: Arguments
-    entries = ENTRIES
 
-    def sizes(self, sample: int) -> NDArray[np.float32]:
-        """See Elsewhere."""
-        return np.asarray(np.sqrt(2 * self.sizes_on(np.zeros((), PLACE), sample).area))
+    @property
+    def entries(self) -> float:
+        """In how many cells of a light's grid one of a usual size is to be."""
+        return ENTRIES + min(FINER / max(1, self.members), 64)
 
-    def sizes_on(self, place: NDArray[np.void], stride: int) -> Sizes:
-        """Sizes of those whose indices as primitives `stride` divides; areas on the plane if a grid has no levels."""
+    def sizes(self) -> NDArray[np.float32]:
+        """The sides of squares of twice the areas of some polygons, of one in SAMPLE, or of all if there is none."""
+        for sample in (SAMPLE, 1):
+            found = self.sizes_on(np.zeros((), PLACE), sample).area
+            if len(found):
+                break
+        return np.asarray(np.sqrt(2 * found))
+
+    def sizes_on(self, place: NDArray[np.void], stride: int) -> PolygonSizes:
+        """Sizes of those whose indices as surfaces `stride` divides; areas on the plane if a grid has no levels."""
         tools, first = self.sight.tools, -self.sight.first % stride
         count = len(range(first, self.sight.count, stride))
         if not count:
-            return Sizes(np.zeros(0, np.float32), np.zeros(0, np.float32))
+            return PolygonSizes(np.zeros(0, np.float32), np.zeros(0, np.float32))
         size = tools.room(2 * (count + PACKET), np.float32)
         which: Arguments = {"count": count, "first": first, "stride": stride}
         tools.run("sample_polygons", **which, **self.seen, place=tools.upload(place), size=size)
         area, sides = tools.read(size, 2 * count, np.float32).reshape(-1, 2).T
         there = area >= 0
-        return Sizes(area[there], sides[there])
+        return PolygonSizes(area[there], sides[there])
 
-    def on(self, place: Place) -> EnteredPolygons:
-        """See Elsewhere of accel/silhouettes.py."""
-        return EnteredPolygons(self, place)
+    def entered_on(self, sides: tuple[Side, Side], slack: float, furthest: float) -> EnteredPolygons:
+        """Enters them on a light's grid. sides: of its window; slack: relative to an edge; furthest: where the last
+        ray ends."""
+        place = np.zeros((), PLACE)
+        place["axes"], place["slack"], place["loose"], place["furthest"] = sides, slack, self.loose, furthest
+        place["low"], place["scale"] = [side.first for side in sides], [side.scale for side in sides]
+        most = max(abs(x) for x in self.extent.spans[0])
+        place["off"] = (slack * (1 + 2 * most) + self.loose) * place["scale"].max() + 1 / 64
+        return EnteredPolygons.of(self, place, max(side.last for side in sides) + 1)
+
+    def price(self, place: NDArray[np.void]) -> float:
+        """What an entry may cost: as little as the number of entries allows, but not less than PRICE for tiles, each
+        of which is looked at once.
+
+        A convex body in a lattice meets area + width + height + 1 cells on average, all measured in cells. So many are
+        a polygon's entries; on level k they are looked at from 4^k times as many cells of level 0. One level down from
+        k, there are more entries and fewer looks, and the less is won for each entry, the finer the levels are. So
+        there is a price, in looks, up to which all polygons pay for an entry.
+        """
+        stride = SAMPLE
+        some = self.sizes_on(place, stride)
+        if len(some.area) < FEW_SAMPLES:
+            stride = 1
+            some = self.sizes_on(place, stride)
+        levels, most = int(place["levels"]), 4 * stride * len(some.area) + SPARE
+        price = PRICE if place["pixels"] else 0.0
+        while True:
+            by = np.ldexp(np.float32(1), -some.levels(price, levels))
+            entries = stride * float((some.area * by * by + some.sides * by + 1).sum(dtype=np.float64))
+            if entries <= most or price > 4.0**levels:
+                return price
+            price = max(1.0, 2 * price)
 
 
 @dataclass
 class EnteredPolygons:
-    """Polygons that are entered on a grid: Held of accel/cells.py.
+    """Polygons that are entered on a grid.
 
-    Once enter() has been called: used: the levels of those that are entered; last: the last one's index as a primitive;
-    made: what kernels are given of each triangle, of which level_of is ABSENT where it is not entered; outlined: of
-    those that have outlines, how many and which.
+    used: the levels of those that are entered; made: what kernels are given of each triangle, of which level_of is
+    ABSENT where it is not entered; outlined: of those that have outlines, how many and which.
     """
 
-    shown: ShownSide
-    place: Place
+    sight: PolygonSight
     used: list[int] = field(default_factory=list)
-    last: int = -1
     made: Arguments = field(default_factory=dict)
     outlined: Arguments = field(default_factory=dict)
 
-    def entered(self) -> Mask:
-        """See Held."""
-        return np.asarray(self._tools.read(self.made["level_of"], self.shown.sight.count, np.int8) != ABSENT)
-
-    @property
-    def _tools(self) -> Toolbox:
-        return self.shown.sight.tools
-
-    def enter(self, grid: CellGrid) -> float:
-        """Enters them, and returns the price of an entry: see price_of()."""
-        tools, shown, m = self._tools, self.shown, self.shown.sight.count
-        place, own = self._place(grid), Sizes.of(grid)
-
-        def sample(stride: int) -> Sizes:
-            some, others = own.sampled(grid.member, stride), shown.sizes_on(place, stride)
-            return Sizes(np.append(some.area, others.area), np.append(some.sides, others.sides))
-
-        price = price_of(grid, sample)
-        place["price"] = price
+    @classmethod
+    def of(cls, shown: ShownSide, place: NDArray[np.void], cells: int) -> EnteredPolygons:
+        """Enters what a side shows. place: `Place` of kernels/pack/polygons.cl, but for levels and price; cells: the
+        larger one of the numbers of columns and rows."""
+        tools, m = shown.sight.tools, shown.sight.count
+        place["levels"] = cells.bit_length()
+        place["price"] = shown.price(place)
         pitch = m + PACKET
         sizes = {"covers": (4, np.int16), "near": (1, np.float32), "level_of": (1, np.int8)}
-        self.made = {name: tools.room(k * pitch, dtype, again=True) for name, (k, dtype) in sizes.items()}
+        made: Arguments = {name: tools.room(k * pitch, dtype, again=True) for name, (k, dtype) in sizes.items()}
         outline, outlines = tools.room(OUTLINE * m, np.float32, again=True), tools.room(1, np.int32)
         tools.clear(outlines, 1)
-        written = {"place": tools.upload(place), "outline": outline, "outlines": outlines, **self.made}
-        part = tools.noted("place_polygons", 4, np.int64, m=m, pitch=pitch, **shown.seen, **written)
+        written = {"place": tools.upload(place), "outline": outline, "outlines": outlines, **made}
+        part = tools.noted("place_polygons", 1, np.int32, m=m, pitch=pitch, **shown.seen, **written)
         bits = int(np.bitwise_or.reduce(part[:, 0]))
-        self.used = [k for k in range(bits.bit_length()) if bits >> k & 1]
-        self.last, self._entries = shown.sight.first + int(part[:, 1].max()), int(part[:, 3].sum())
-        self.made |= {"n": m, "pitch": pitch}
+        used = [k for k in range(bits.bit_length()) if bits >> k & 1]
         count = int(tools.read(outlines, 1, np.int32)[0])
-        self.outlined = {"n": count, "pixels": self.place.pixels, "outline": outline}
-        return price
+        outlined: Arguments = {"n": count, "pixels": int(place["pixels"]), "outline": outline}
+        return cls(shown.sight, used, made | {"n": m, "pitch": pitch}, outlined)
 
-    def _place(self, grid: CellGrid) -> NDArray[np.void]:
-        """`Place` of kernels/pack/polygons.cl, but for the price."""
-        place, made = self.place, np.zeros((), PLACE)
-        for name in ("slack", "loose", "low", "scale", "off", "furthest", "pixels"):
-            made[name] = getattr(place, name)
-        for row, axis in zip(made["axes"], place.axes, strict=True):
-            row[: len(axis)] = axis
-        made["levels"] = most_levels(grid)
-        return made
+    def entered(self) -> Mask:
+        """(m,): which triangles they are."""
+        return np.asarray(self.sight.tools.read(self.made["level_of"], self.sight.count, np.int8) != ABSENT)
 
-    def count(self, **cells: Any) -> int:
-        """Adds what is entered to the entries of each cell, and returns how many entries that are."""
+    def count(self, **cells: Any) -> None:
+        """Adds what is entered to the entries of each cell."""
         members = {name: self.made[name] for name in ("n", "pitch", "level_of", "covers")}
-        self._tools.run("count_members", **members, **cells)
-        if not self.outlined["n"]:
-            return self._entries
-        return self._entries + int(self._tools.noted("count_outlines", 1, np.int64, **self.outlined, **cells).sum())
+        self.sight.tools.run("count_members", **members, **cells)
+        if self.outlined["n"]:
+            self.sight.tools.run("count_outlines", **self.outlined, **cells)
 
     def scatter(self, **entries: Any) -> None:
         """Writes the entries: see Scatter of lists.py."""
-        first = self.shown.sight.first
-        self._tools.run("scatter_polygons", index=first, **self.made, **entries)
+        first = self.sight.first
+        self.sight.tools.run("scatter_polygons", index=first, **self.made, **entries)
         if self.outlined["n"]:
-            self._tools.run("scatter_outlines", index=first, **self.outlined, **entries)
-
-
-def _pane(pane: Pane) -> NDArray[np.void]:
-    """`Pane` of kernels/pack/polygons.cl."""
-    made = np.zeros((), PANE)
-    made["along"] = pane.along
-    for k in (0, 1):
-        reach = abs(pane.middle[k]) + pane.half[k]
-        made["middle"][k], made["halves"][k] = pane.middle[k], pane.half[k]
-        made["loose"][k], made["size"][k] = SLACK * reach, 1 + abs(pane.middle[k]) + pane.half[k]
-        made["scale"][k], made["shift"][k], made["over"][k] = pane.scale[k], pane.shift[k], 1 / pane.scale[k]
-    return made
+            self.sight.tools.run("scatter_outlines", index=first, **self.outlined, **entries)
