@@ -16,8 +16,7 @@ from cltrace.movie.animate import FPS
 from cltrace.process.console import tell
 from cltrace.run.devices import choose
 from cltrace.students.compare import compare
-from cltrace.viewer.film import Film
-from cltrace.viewer.stage import Stage
+from cltrace.viewer.stage import Film, Stage
 from cltrace.viewer.view import serve
 
 
@@ -28,8 +27,7 @@ def view(options: Options, reporter: Reporter) -> int:
         next(turns)
     device = choose(options.device)
     how = options.renderer_options(())
-    smooth = {"antialias": True, "samples": how.pop("samples")}
-    del how["outputs"], how["antialias"]
+    del how["outputs"], how["antialias"], how["samples"]
     read = partial(scene_of, options.scenes[0], options, reporter, lines=True)
     scene = read()
     film = judge = None
@@ -42,7 +40,7 @@ def view(options: Options, reporter: Reporter) -> int:
         own: dict[str, Any] = {"truncate": options.truncate, "antialias": options.antialias}
         judge = partial(compare, picture=options.compare, device=device, precision=options.precision, **own)
     try:
-        stage = Stage(scene, device, options=how, smooth=smooth, judge=judge, film=film)
+        stage = Stage(scene, device, options=how, samples=options.samples, judge=judge, film=film)
     except ValueError as error:
         raise UsageError(str(error)) from None
 

@@ -1,32 +1,27 @@
-"""What the page and the server say to each other: one type each way."""
+"""What the page and the server say to each other: one type each way, and the lines that an explanation draws.
+
+Lines are the pixel's rays, those that go on from it, and shadow rays."""
 
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields
 from typing import Any, Literal, get_args
 
-Kind = Literal[
-    "orbit",
-    "pan",
-    "zoom",
-    "fit",
-    "parallel",
-    "back",
-    "undo",
-    "show",
-    "centre",
-    "explain",
-    "copy",
-    "compare",
-    "shown",
-    "fov",
-    "samples",
-    "light",
-    "reset",
-    "frame",
-    "write",
-]
+from cltrace.explanation.explanation import Explanation
+from cltrace.explanation.record import Hit, LightTerm
+from cltrace.explanation.triples import Triple
+from cltrace.students.places import members
+
+Moves = Literal["orbit", "pan", "zoom", "fit", "parallel", "back", "undo", "fov", "reset"]
+Settings = Literal["show", "samples", "light", "frame", "shown"]
+# What is answered, which may take long.
+Questions = Literal["explain", "centre", "copy", "compare", "write"]
+Kind = Literal[Moves, Settings, Questions]
+Pictures = Literal["moving", "exact", "smooth", "outline", "mine", "difference"]
+Texts = Literal["explanation", "lines", "comparison", "copy", "said", "fault", "error"]
 LARGEST = 2**28  # pixels, and more than any way of a pointer
 
 
@@ -65,7 +60,7 @@ class State:
     """What a window's controls show beside a picture.
 
     view: which button is on; projection: from the world to the picture, see cameras.projection(); fov: the whole
-    opening angle, degrees, 0 of parallel rays; samples: rays a pixel of the smooth picture, 0 where that is proved;
+    opening angle, degrees, 0 of parallel rays; samples: rays a pixel of the smooth picture;
     lights: name and strength of each, none where they are many; frame, frames: which one of how many; fps: frames a
     second; file: of the movie, "" for none.
     """
@@ -92,21 +87,7 @@ class Message:
     what is wrong with the scene's file now, "" for nothing; error: what was asked for and cannot be.
     """
 
-    kind: Literal[
-        "moving",
-        "exact",
-        "smooth",
-        "outline",
-        "explanation",
-        "lines",
-        "comparison",
-        "copy",
-        "said",
-        "mine",
-        "difference",
-        "fault",
-        "error",
-    ]
+    kind: Literal[Pictures, Texts]
     text: str = ""
     data: bytes = b""
     width: int = 0
@@ -124,3 +105,50 @@ class Message:
     def encoded(self) -> bytes:
         """A line of JSON, and then the data."""
         return json.dumps(self.head()).encode() + b"\n" + self.data
+
+
+# Lines that are drawn at most: glass in the light of a sky has more.
+MOST = 2000
+
+
+@dataclass(frozen=True)
+class Line:
+    """From one point of the world to another.
+
+    kind: of a ray: primary, mirrored, refracted; of a shadow ray its fate, see LightTerm, and "beyond" for the rest of
+    the way to the light behind what blocks it.
+    """
+
+    kind: str
+    start: Triple
+    end: Triple
+
+
+def as_json(found: Explanation, reach: float) -> str:
+    """The first MOST lines of an explanation, and how many there are. reach: see lines_of()."""
+    lines = list(lines_of(found, reach))
+    return json.dumps({"lines": [asdict(line) for line in lines[:MOST]], "count": len(lines)})
+
+
+def lines_of(found: Explanation, reach: float) -> Iterator[Line]:
+    """All of them, the pixel's ray first. reach: how long those are that have no end, in scene units."""
+    for ray in found.rays:
+        yield Line(ray.kind, ray.origin, ray.hit.point if ray.hit else _along(ray.origin, ray.direction, reach))
+        for light in ray.lights:
+            for one in members(light):
+                assert ray.hit
+                yield from _shadow_ray(ray.hit, one, reach)
+
+
+def _shadow_ray(hit: Hit, light: LightTerm, reach: float) -> Iterator[Line]:
+    """From the point to what blocks it, and to the light."""
+    start, end = hit.point, _along(hit.point, light.l, light.distance if math.isfinite(light.distance) else reach)
+    blocker = light.between[0].point if light.between else None
+    yield Line(light.fate, start, blocker or end)
+    if blocker:
+        yield Line("beyond", blocker, end)
+
+
+def _along(start: Triple, direction: Triple, way: float) -> Triple:
+    x, y, z = (place + way * towards for place, towards in zip(start, direction, strict=True))
+    return (x, y, z)

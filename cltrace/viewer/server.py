@@ -19,9 +19,8 @@ from pathlib import PurePosixPath
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from cltrace.viewer.messages import Event, Message
-from cltrace.viewer.session import Session
+from cltrace.viewer.session import Session, Window
 from cltrace.viewer.stage import Stage
-from cltrace.viewer.window import Window
 
 HOST, PORT = "127.0.0.1", 8042
 # Seconds after which a window that does not answer counts as closed.

@@ -1,24 +1,30 @@
-"""One window: its camera, what it shows, and what comes next. It knows no network."""
+"""One window: its camera, its lights, what it shows, what comes next, and when that is drawn. It knows no network."""
 
 from __future__ import annotations
 
+import asyncio
 import math
 import shlex
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.base.errors import CltraceError, located
 from cltrace.explanation.explanation import Explanation
+from cltrace.explanation.names import Names
 from cltrace.explanation.pixel import explain
+from cltrace.explanation.words import light
 from cltrace.picture.image import Image
 from cltrace.plan.request import LATTICES
 from cltrace.rays import trace_rays
@@ -26,10 +32,57 @@ from cltrace.scene import AnyCamera, Camera, Scene
 from cltrace.students.comparison import Comparison
 from cltrace.students.places import look_at
 from cltrace.viewer import cameras
-from cltrace.viewer.lights import Lights
-from cltrace.viewer.lines import as_json
-from cltrace.viewer.messages import Event, Message, State
+from cltrace.viewer.messages import Event, Message, Questions, State, as_json
 from cltrace.viewer.stage import ERROR, VIEWS, Drawn, OverError, Phase, Stage
+
+# A window lists no more lights.
+LISTED = 8
+
+
+class Lights:
+    """How bright each light is, as a share of what the scene says: 1 unless it is dimmed."""
+
+    def __init__(self) -> None:
+        self._strengths = dict[int, float]()
+        self._last: tuple[Scene, dict[int, float], Scene] | None = None
+
+    def dim(self, number: int, strength: float) -> bool:
+        """Whether there is such a strength, which the light then has."""
+        there = 0 <= number < LISTED and 0 <= strength <= 1
+        if there:
+            self._strengths = self._strengths | {number: strength}
+        return there
+
+    def on(self, scene: Scene) -> Scene:
+        """A scene in these lights: the same one where none is dimmed, and else the same one each time."""
+        strengths = {number: share for number, share in self._strengths.items() if number < len(scene.lights)}
+        if all(share == 1 for share in strengths.values()):
+            return scene
+        if self._last is None or self._last[0] is not scene or self._last[1] != strengths:
+            lights = scene.lights.copy()
+            for number, share in strengths.items():
+                for name in ("color", "below"):
+                    lights[name][number] *= share
+            dimmed = scene.lit_by(lights)
+            self._last = scene, strengths, dimmed.read_from(scene.source) if scene.source else dimmed
+        return self._last[2]
+
+    def listed(self, scene: Scene) -> tuple[tuple[str, float], ...]:
+        """The name and the strength of each light; none where there are many."""
+        if len(scene.lights) > LISTED:
+            return ()
+        names = Names(scene)
+        return tuple((light(names.light(k)), self._strengths.get(k, 1.0)) for k in range(len(scene.lights)))
+
+    @property
+    def as_python(self) -> str:
+        """What a program does to the lights of its `scene`; "" where that is nothing."""
+        dimmed = [(number, share) for number, share in self._strengths.items() if share != 1]
+        if not dimmed:
+            return ""
+        changes = "".join(f"lights[{name!r}][{k}] *= {s!r}; " for k, s in dimmed for name in ("color", "below"))
+        return f"lights = scene.lights.copy(); {changes}scene = scene.lit_by(lights); "
+
 
 # Seconds that the pixels of a moving picture and its JPEG may take, and by what its sides are divided at most. A page
 # takes about as long again to show one.
@@ -72,7 +125,7 @@ class Session:
                 camera = self._undo.pop()
             case "show" if event.name in VIEWS:
                 self.view = event.name
-            case "samples" if self.samples and event.x in LATTICES:
+            case "samples" if event.x in LATTICES:
                 self.samples = int(event.x)
             case "light" if self._lights.dim(int(event.x), event.y):
                 pass
@@ -229,7 +282,7 @@ class Session:
     def _caption(self, picture: Drawn, phase: Phase) -> str:
         """What a picture at rest is, in words."""
         size = "{}x{}".format(*self.camera.resolution)
-        how = phase if self.view != ERROR else "an estimate" if self.stage.samples else "proved where it can be"
+        how = phase if self.view != ERROR else "an estimate"
         parts = (self.view, size, how, f"on {self.stage.device.name}", picture.legend)
         return f"{self.stage.name}: {', '.join(filter(None, parts))}"
 
@@ -285,8 +338,7 @@ class Session:
             return cameras.as_xml(self.camera)
         if form == "python":
             return cameras.as_python(self.camera)
-        source, options = self._scene.source, {"antialias": True} | self.stage.options | self.stage.smooth
-        options["samples"] = self.samples if self.samples != self.stage.samples else options["samples"]
+        source, options = self._scene.source, {"antialias": True, "samples": self.samples} | self.stage.options
         if form != "command" or source is None:
             raise ValueError(f"there is no {form!r} of this camera")
         how = "".join(f", {name}={value!r}" for name, value in options.items() if value)
@@ -334,3 +386,74 @@ def _line_of(path: str, line: int) -> Iterator[str]:
     with suppress(OSError), Path(path).open(encoding="utf-8", errors="replace") as file:
         for text in islice(file, line - 1, line):
             yield located(path, line, text.strip())
+
+
+# Seconds without an event after which the exact picture is drawn.
+REST = 0.12
+
+
+class Window:
+    """A session's pictures and answers, which are sent while events come.
+
+    send: takes a message to the window; draws: a thread, for pictures; answers: two, one of which may write a movie. A
+    picture is drawn when the one before it is on the screen: none waits anywhere, and each shows what is newest.
+    """
+
+    def __init__(
+        self, session: Session, send: Callable[[Message], Awaitable[None]], draws: Executor, answers: Executor
+    ) -> None:
+        self._stage, self._session, self._send = session.stage, session, send
+        self._draws, self._answers, self._loop = draws, answers, asyncio.get_running_loop()
+        self._woken, self._shown = asyncio.Event(), asyncio.Event()
+        self._shown.set()
+
+    async def live(self, events: AsyncIterator[Event]) -> None:
+        """Until there are no more events. Raises what `events` raises."""
+        changed = partial(self._loop.call_soon_threadsafe, self._changed)
+        self._stage.changed.add(changed)
+        tasks = {asyncio.create_task(self._tell_fault()), asyncio.create_task(self._draw())}
+        try:
+            async for event in events:
+                if event.kind == "shown":
+                    self._shown.set()
+                elif event.kind in get_args(Questions):
+                    tasks.add(task := asyncio.create_task(self._answer(event)))
+                    task.add_done_callback(tasks.discard)
+                else:
+                    self._session.handle(event)
+                    self._woken.set()
+        finally:
+            self._stage.changed.discard(changed)
+            self._session.close()
+            for task in tasks:
+                task.cancel()
+
+    def _changed(self) -> None:
+        """The scene, or what is wrong with it, is another one."""
+        self._session.refresh()
+        self._woken.set()
+        self._told = asyncio.create_task(self._tell_fault())
+
+    async def _tell_fault(self) -> None:
+        await self._send(Message("fault", self._stage.fault))
+
+    async def _draw(self) -> None:
+        """Draws one picture after the other, as long as there is something new to see."""
+        while True:
+            await self._shown.wait()
+            with suppress(TimeoutError):
+                wait = {"moving": 0.0, "done": None}.get(self._session.phase, REST)
+                await asyncio.wait_for(self._woken.wait(), wait)
+            self._woken.clear()
+            message = await self._loop.run_in_executor(self._draws, self._session.draw)
+            if message:
+                if message.data:  # of an error, no page says that it is on the screen
+                    self._shown.clear()
+                await self._send(message)
+
+    async def _answer(self, event: Event) -> None:
+        """Answers a question."""
+        answers = self._session.answer(event)
+        while message := await self._loop.run_in_executor(self._answers, next, answers, None):
+            await self._send(message)
+        self._woken.set()

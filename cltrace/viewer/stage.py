@@ -1,22 +1,105 @@
-"""What all windows look at: a scene, and its renderers, which windows use in turn."""
+"""What all windows look at: a scene, the movie of it, and its renderers, which windows use in turn."""
 
 from __future__ import annotations
 
 import io
+import os
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from cltrace.base.errors import CltraceError, printable
+from cltrace.movie.animate import FPS
+from cltrace.movie.frames import Frame, frames_of
 from cltrace.picture.image import LIT, SHOWS, Image, Output, Show
-from cltrace.renderers.renderer import Renderer, samples_of
+from cltrace.plan.request import Request
+from cltrace.renderers.renderer import SAMPLES, Renderer
 from cltrace.run.devices import Device
 from cltrace.scene import Scene
+from cltrace.scene.rules import is_whole
 from cltrace.students.comparison import Comparison
 from cltrace.students.lit import lighting_by
-from cltrace.viewer.film import Film, Frames
+
+# Raises where a movie is not wanted any more.
+Check = Callable[[], None]
+
+
+@dataclass(frozen=True)
+class Film:
+    """A movie.
+
+    items: what its frames show of a scene, as animate() takes them; count: how many there are; fps: frames a second;
+    file: where write() writes it, which calls what it is given for each frame; "" if nowhere.
+    """
+
+    items: Callable[[Scene], Iterable[object]] = lambda scene: [scene]
+    count: int = 1
+    fps: float = FPS
+    file: str = ""
+    write: Callable[[Check], object] = lambda check: None
+
+
+def film_of(
+    frames: Sequence[object] | Callable[[int], object],
+    count: int | None,
+    output: str | os.PathLike[str] | None,
+    fps: float,
+    animate: Callable[..., object],
+) -> Film:
+    """The film of these arguments of view(). animate: writes frames to an output. Raises TypeError and ValueError."""
+    if callable(frames):
+        number = int(count or 0) if is_whole(count) else 0
+        if number < 1:
+            raise ValueError(f"count: must be how many frames the function makes, 1 at least, got {count!r}")
+    elif not isinstance(frames, Sequence) or isinstance(frames, str) or not frames:
+        raise TypeError(f"frames: must be a list of frames, at least one, or a function of a number, got {frames!r}")
+    elif count is not None:
+        raise ValueError(f"count: goes with a function of a frame's number, got {count!r}")
+    else:
+        number = len(frames)
+
+    def items(check: Check = lambda: None) -> Iterator[Any]:
+        for k in range(number):
+            check()
+            yield frames(k) if callable(frames) else frames[k]
+
+    file = "" if output is None else os.fspath(output)
+    return Film(lambda scene: items(), number, fps, file, lambda check: animate(items(check), file))
+
+
+class Frames:
+    """The scenes of a film's frames, each made when it is first asked for, after those before it: a frame is what it
+    changes of the last one. Several threads may ask."""
+
+    def __init__(self, film: Film, scene: Scene) -> None:
+        self._coming: Iterator[Frame] | None = None
+        self._film, self._scene = film, scene
+        self._there, self._fault, self._lock = list[Scene](), "", threading.Lock()
+
+    def __len__(self) -> int:
+        return self._film.count
+
+    def __getitem__(self, number: int) -> Scene:
+        """Raises ValueError where a frame, or one before it, cannot be."""
+        with self._lock:
+            if self._coming is None:
+                self._coming = frames_of(self._film.items(self._scene), self._scene)
+            while len(self._there) <= number and not self._fault:
+                try:
+                    self._there.append(next(self._coming).scene)
+                except StopIteration:
+                    self._fault = f"frames: there are only {len(self._there)}"
+                except Exception as error:  # of the user's function, too
+                    words = isinstance(error, (CltraceError, TypeError, ValueError))
+                    self._fault = str(error) if words else f"frames[{len(self._there)}]: {error!r}"
+            if len(self._there) <= number:
+                raise ValueError(self._fault)
+            return self._there[number]
+
 
 # Renderers that are kept, as they have the scene on the device.
 KEPT = 4
@@ -52,11 +135,11 @@ class Drawn(NamedTuple):
 class Stage:
     """A scene that may change, on a device.
 
-    options: arguments of Renderer for all pictures; smooth: those of the smooth ones alone; judge: compares another
+    options: arguments of Renderer for all pictures; samples: rays a pixel of the smooth ones; judge: compares another
     tracer's picture of a scene with the right one, None if there is none; film: a movie of the scene. scene: what is
-    shown now; frames: the film's, or the scene alone; samples: rays a pixel of smooth pictures, 0 where these are
-    proved; fault: what is wrong with a newer scene, "" for nothing; changed: what to call when scene or fault has
-    changed; presses: how often a window wanted something. Raises what Renderer raises.
+    shown now; frames: the film's, or the scene alone; fault: what is wrong with a newer scene, "" for nothing; changed:
+    what to call when scene or fault has changed; presses: how often a window wanted something. Raises what Renderer
+    raises.
     """
 
     def __init__(
@@ -64,7 +147,7 @@ class Stage:
         scene: Scene,
         device: Device,
         options: dict[str, Any] | None = None,
-        smooth: dict[str, Any] | None = None,
+        samples: int | None = None,
         judge: Callable[[Scene], Comparison] | None = None,
         film: Film | None = None,
     ) -> None:
@@ -72,11 +155,11 @@ class Stage:
         self.film = film or Film()
         self.frames = Frames(self.film, scene)
         self.changed = set[Callable[[], object]]()
-        self.options, self.smooth = options or {}, smooth or {"antialias": True, "samples": None}
+        self.options, self.samples = options or {}, SAMPLES if samples is None else samples
+        Request(samples=self.samples)  # which refuses other numbers
         self._renderers = dict[tuple[object, ...], Renderer]()
         self._resting: Renderer | None = None  # what draws a picture at rest now
         self._compared: tuple[Scene, Comparison] | None = None
-        self.samples: int = samples_of(**self.smooth) or 0
         self._renderer(scene, "color", self.options, "rgb8")
 
     @property
@@ -102,14 +185,14 @@ class Stage:
         if resting := self._resting:
             resting.stop()
 
-    def draw(self, scene: Scene, view: str, phase: Phase, closed: Callable[[], bool], samples: int = 0) -> Drawn:
+    def draw(self, scene: Scene, view: str, phase: Phase, closed: Callable[[], bool], samples: int) -> Drawn:
         """A scene, such as one of the frames. Only one thread may call it.
 
-        view: of VIEWS; closed: whether the window is; samples: of smooth pictures, 0 for what the stage says. Raises
-        OverError where the picture is not wanted any more, and what Renderer and lighting_by() raise.
+        view: of VIEWS; closed: whether the window is; samples: of smooth pictures. Raises OverError where the picture
+        is not wanted any more, and what Renderer and lighting_by() raise.
         """
         presses = self.presses
-        smooth = self.options | self.smooth | ({"samples": samples} if samples else {})
+        smooth = self.options | {"antialias": True, "samples": samples}
 
         def drawn(_: int) -> None:
             if closed() or (phase != "moving" and presses != self.presses):

@@ -17,15 +17,13 @@ from cltrace.movie.animate import FPS, animate
 from cltrace.plan.abi import Precision
 from cltrace.run.devices import Device, choose
 from cltrace.scene import Scene
-from cltrace.viewer.film import film_of
-from cltrace.viewer.stage import Stage
+from cltrace.viewer.stage import Stage, film_of
 
 
 def view(
     scene: Scene,
     device: str | Device | None = None,
     precision: Precision | None = None,
-    antialias: bool = True,
     samples: int | None = None,
     outline: tuple[Any, float] | None = None,
     fog: tuple[Any, float, float] | None = None,
@@ -39,8 +37,8 @@ def view(
 
     In a notebook it returns a widget, which shows itself at the end of a cell: its `camera` is where it looks from now,
     `close()` ends it. Elsewhere it shows the scene in the browser until Ctrl-C, as `cltrace view` does, and prints the
-    address. The arguments are those of Renderer; antialias and samples are about the last picture at rest alone. It
-    needs the extra `view`.
+    address. The arguments are those of Renderer; samples is about the last picture at rest alone, which is antialiased.
+    It needs the extra `view`.
 
     frames: a movie to look through: a list of what animate() takes, such as cameras, scenes and dicts of what changes,
     or a function that makes one of its number, from 0 to count - 1; output, fps: as of animate(), which a button calls.
@@ -49,12 +47,12 @@ def view(
     """
     options: dict[str, Any] = {"precision": precision, "outline": outline, "fog": fog}
     chosen = device if isinstance(device, Device) else choose(device)
-    smooth: dict[str, Any] = {"antialias": antialias, "samples": samples}
     film = None
     if frames is not None:
-        write = partial(animate, scene=scene, device=chosen, fps=fps, progress=False, **options, **smooth)
+        smooth: dict[str, Any] = {**options, "antialias": True, "samples": samples}
+        write = partial(animate, scene=scene, device=chosen, fps=fps, progress=False, **smooth)
         film = film_of(frames, count, output, fps, write)
-    stage = Stage(scene, chosen, options=options, smooth=smooth, film=film)
+    stage = Stage(scene, chosen, options=options, samples=samples, film=film)
     if _in_notebook():
         return _needed("widget", "cltrace.view in a notebook", "anywidget").Widget(stage)
     with suppress(KeyboardInterrupt):

@@ -19,9 +19,8 @@ from IPython import get_ipython
 
 from cltrace.scene import AnyCamera
 from cltrace.viewer.messages import Event, Message
-from cltrace.viewer.session import Session
+from cltrace.viewer.session import Session, Window
 from cltrace.viewer.stage import Stage
-from cltrace.viewer.window import Window
 
 
 def _module() -> str:
@@ -45,8 +44,10 @@ class Widget(anywidget.AnyWidget):
 
     def __init__(self, stage: Stage) -> None:
         self._session, self._views = Session(stage), set[str]()
-        self._line: Line | None = None
-        super().__init__(picture=stage.draw(stage.frames[0], "color", "exact", lambda: False).file(".png"))
+        self._thread: WindowThread | None = None
+        super().__init__(
+            picture=stage.draw(stage.frames[0], "color", "exact", lambda: False, stage.samples).file(".png")
+        )
         self.on_msg(self._hear)
         self._shell = get_ipython()
         self._shell.observe(self._end, "exit_now")  # which it says when the kernel stops
@@ -73,32 +74,32 @@ class Widget(anywidget.AnyWidget):
             case {"open": view}:
                 self._views.add(view)
                 self._end()
-                self._line = Line(self._session, self._tell, self._line)
-                self._line.start()
+                self._thread = WindowThread(self._session, self._tell, self._thread)
+                self._thread.start()
             case {"close": view}:
                 self._views.discard(view)
                 if not self._views:
                     self._end()
-            case {"event": text} if self._line:
+            case {"event": text} if self._thread:
                 with suppress(ValueError):
-                    self._line.hear(Event.of(text))
+                    self._thread.hear(Event.of(text))
 
     def _tell(self, message: Message) -> None:
         self.send(message.head(), [message.data])
 
     def _end(self, *_: object) -> None:
         """Ends what is drawn."""
-        if self._line:
-            self._line.hear(None)
+        if self._thread:
+            self._thread.hear(None)
 
 
-class Line(threading.Thread):
+class WindowThread(threading.Thread):
     """A widget's window on a thread of its own, until it hears None: it goes on while the kernel computes something.
 
     before: the one whose end it waits for.
     """
 
-    def __init__(self, session: Session, tell: Callable[[Message], None], before: Line | None) -> None:
+    def __init__(self, session: Session, tell: Callable[[Message], None], before: WindowThread | None) -> None:
         super().__init__(daemon=True)
         self._session, self._tell, self._before = session, tell, before
         self._runner, self._events = asyncio.Runner(loop_factory=asyncio.new_event_loop), asyncio.Queue[Event | None]()

@@ -15,10 +15,9 @@ from cltrace.cli import view as command
 from cltrace.cli.files import Reporter
 from cltrace.cli.options import options_of
 from cltrace.run.devices import choose
-from cltrace.viewer.film import film_of
 from cltrace.viewer.messages import Event
 from cltrace.viewer.session import Session
-from cltrace.viewer.stage import Stage
+from cltrace.viewer.stage import Stage, film_of
 
 SCENE = cltrace.load(FILE)
 

@@ -25,8 +25,7 @@ from cltrace.formats.reader import read
 from cltrace.renderers.renderer import Renderer
 from cltrace.run.devices import choose
 from cltrace.viewer import cameras
-from cltrace.viewer.lines import Line, lines_of
-from cltrace.viewer.messages import Event, Message
+from cltrace.viewer.messages import Event, Line, Message, lines_of
 from cltrace.viewer.session import PACE, Session, next_divisor
 from cltrace.viewer.stage import VIEWS, Drawn, Phase, Stage
 
@@ -443,9 +442,6 @@ def test_samples(session: Session, tmp_path: Path, spec: str) -> None:
     assert session.samples == 4
     session.handle(Event("reset"))
     assert drawn(session)[-1].state.samples == 32
-    plain = Session(Stage(session.stage.scene, session.stage.device, smooth={"antialias": False, "samples": None}))
-    plain.handle(Event("samples", 4))
-    assert plain.samples == 0
 
 
 def test_lights(session: Session, stage: Stage, spec: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

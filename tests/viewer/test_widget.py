@@ -83,9 +83,9 @@ def make(spec: str, shell: Shell, monkeypatch: pytest.MonkeyPatch) -> Iterator[C
 
 def ended(widget: Widget) -> None:
     """Waits for the end of what it does."""
-    if widget._line:
-        widget._line.join(20)
-        assert not widget._line.is_alive()
+    if widget._thread:
+        widget._thread.join(20)
+        assert not widget._thread.is_alive()
 
 
 def test_pictures_are_the_commands(make: Callable[[], Notebook], spec: str, tmp_path: Path) -> None:
@@ -174,8 +174,8 @@ def test_what_no_page_says_changes_nothing(make: Callable[[], Notebook]) -> None
 
 def test_a_program_in_a_notebook_gets_a_widget(spec: str, shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys.modules["IPython"], "get_ipython", lambda: shell)
-    with pytest.raises(ValueError, match=r"^samples: goes with"):
-        cltrace.view(cltrace.load(FILE), spec, antialias=False, samples=16)
+    with pytest.raises(ValueError, match=r"^samples: must be "):
+        cltrace.view(cltrace.load(FILE), spec, samples=5)
     widget = cltrace.view(cltrace.load(FILE), spec)
     assert isinstance(widget, Widget)
     widget.close()

@@ -47,15 +47,14 @@ export function controls($, send) {
       $("lights").replaceChildren(...(lights = state.lights.map(light)).map(({ label }) => label));
     }
     fov.disabled = !state.fov;
-    samples.disabled = !state.samples;
     told(fov, state.fov ? `${+state.fov.toFixed(1)}°` : "parallel");
-    told(samples, state.samples || "proved");
+    told(samples, state.samples);
     state.lights.forEach(([, share], k) => told(lights[k].input, `${Math.round(100 * share)} %`));
     if (kind === "moving" || playing) return;
     $("views").querySelector(`[value=${state.view}]`).checked = true;
     frame.value = state.frame;
     if (state.fov) fov.value = state.fov;
-    if (state.samples) samples.value = SAMPLES.indexOf(state.samples);
+    samples.value = SAMPLES.indexOf(state.samples);
     state.lights.forEach(([, share], k) => (lights[k].input.value = share));
   }
 
