@@ -47,8 +47,8 @@ from cltrace.reference import (
 from cltrace.reference.bounce import lift
 from cltrace.reference.lights import ParallelLight, SpotLight
 from cltrace.reference.records import Illumination, Shading
-from cltrace.reference.round import Round
-from cltrace.reference.texture import Lookup
+from cltrace.reference.spheres import Round
+from cltrace.reference.surfaces import Lookup
 from cltrace.reference.trace import primary_ray
 from cltrace.reference.vectors import Matrix
 from cltrace.scene import Camera, Scene
@@ -564,7 +564,7 @@ class NormalTransform(Tracer):
 
     def patches(self) -> Iterator[tuple[object, str, object]]:
         yield from super().patches()
-        yield Ellipsoid, "outward", lambda s, q: (s.frame.B @ (s.L @ q if self.by_points else q)).normalized()
+        yield Ellipsoid, "outward", lambda s, q: (s.view.B @ (s.L @ q if self.by_points else q)).normalized()
 
     def world(self, scene: Scene) -> World:
         world = super().world(scene)

@@ -62,7 +62,7 @@ class ExactPoint:
         return x, y, z
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Frame:
     """The camera's axes in the world: the rows of B, which are orthonormal but for rounding.
 

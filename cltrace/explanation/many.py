@@ -16,11 +16,10 @@ from cltrace.base.arithmetic import inverses
 from cltrace.explanation.space import Footprint
 from cltrace.explanation.triples import triple
 from cltrace.reference import Direction, Point, Round
-from cltrace.reference.crossing import Way
-from cltrace.reference.doubt import size_of
-from cltrace.reference.groups import Group
-from cltrace.reference.sphere import maker
-from cltrace.reference.surfaces import Setting, Surface
+from cltrace.reference.rays import Way
+from cltrace.reference.spheres import maker
+from cltrace.reference.surfaces import Group, Setting, Surface
+from cltrace.reference.vectors import size_of
 
 MANY = 64  # spheres with numbers that follow each other, from which on they are a swarm
 
@@ -33,7 +32,7 @@ class Swarm(Group):
 
     def __init__(self, setting: Setting, make: Callable[[int], Round], places: range) -> None:
         scene = setting.scene
-        super().__init__(int(scene.sphere_numbers[places[0]]), setting.eye, setting.frame)
+        super().__init__(int(scene.sphere_numbers[places[0]]), setting.view)
         self._make, self._places, self._made = make, places, dict[int, Round]()
         part = scene.spheres[places.start : places.stop]
         self._centers, self._reach = part["center"], part["radius"].copy()
@@ -51,7 +50,7 @@ class Swarm(Group):
         """The spheres that a ray may meet, by rising numbers. All others it surely passes by, or leads away from.
 
         With f from the start to a centre and R the reach, a ray along w passes by where |f x w| > R |w|, and leads away
-        where f.w < -R |w|. As equation.FromSurface and crossing.py have it, with u = 2^-53 and s = |f|_1 + reach, f is
+        where f.w < -R |w|. As rays.Way has it, with u = 2^-53 and s = |f|_1 + reach, f is
         off by 48 u s and w by 48 u w1. So f x w and f.w are off by less than 100 u s w1 < 2^-46 s w1, and |w| by 2^-44
         of itself, as w1 <= 4 |w|_1. A few roundings beside these fit in twice that.
         """

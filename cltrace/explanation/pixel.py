@@ -41,7 +41,7 @@ from cltrace.reference import (
     world_of,
 )
 from cltrace.reference.records import Sight
-from cltrace.reference.texture import UV
+from cltrace.reference.surfaces import UV
 from cltrace.reference.trace import follow, primary_ray, trace
 from cltrace.scene import Camera, Orthographic, Scene
 from cltrace.scene.colors import encoded

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from cltrace.reference import Direction, Point, Ray, Start
-from cltrace.reference.world import frame_of
+from cltrace.reference.rays import view_of
 from cltrace.scene import AnyCamera
 
 
@@ -24,7 +24,7 @@ class Space:
     parallel rays, anywhere."""
 
     def __init__(self, camera: AnyCamera) -> None:
-        self.eye, self.frame = Point(*camera.position), frame_of(camera)
+        self.eye, self.view = Point(*camera.position), view_of(camera)
         self.pixel, self.parallel = 2 * camera.image_plane()[0] / camera.resolution[0], camera.parallel
 
     def footprint(self, behind: float) -> Footprint:
@@ -33,7 +33,7 @@ class Space:
 
     def turned(self, d: Direction) -> Direction:
         """A direction of camera space in the world, with length 1."""
-        return (self.frame.B.T @ d).normalized()
+        return (self.view.B.T @ d).normalized()
 
     def start(self, ray: Ray) -> Point:
         """Where a ray starts, in the world, rounded."""

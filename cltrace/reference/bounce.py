@@ -73,7 +73,8 @@ def lift(d: Direction, n: Direction, side: int, spread: float = 1.0) -> Directio
     """d, turned a little where it does not surely leave on that side of the surface: by what rounding may have done.
 
     Which side a ray takes is decided by the exact sign of (B^T q).(B^T d), q being the normal of its start. n.d as
-    computed here is off by 4 u |d|_1, u = 2^-53, and the camera's skew (see exact.Frame) adds 14 u |d|. So beyond
+    computed here is off by 4 u |d|_1, u = 2^-53, and the camera's axes, which are orthonormal but for 14 u (see
+    rays.View), add 14 u |d|. So beyond
     `least` = 32 u |d|_1 it is sure. What is not is set to twice that, which rounds by 2 u |d|_1 more.
 
     spread: of an ellipsoid, k l, where k and l are the sizes of K and K^-1 (see vectors.Matrix). The sign is that of

@@ -5,42 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
 
-from cltrace.base.arithmetic import dot, minus
-from cltrace.exact.surds import Surd
-from cltrace.reference.crossing import Way
-from cltrace.reference.cylinder import Cylinder, OnCylinder, Part, Tube
-from cltrace.reference.doubt import size_of
-from cltrace.reference.exact import ZERO, Line, Quadratic, Rational, Vector, between, vector
-from cltrace.reference.rays import Ray, Start
+from cltrace.exact.cuts import ExactCut
+from cltrace.exact.lines import ExactPoint
+from cltrace.exact.shapes import Part
+from cltrace.reference.cylinders import Cylinder, OnCylinder
+from cltrace.reference.rays import Ray, Start, Way
 from cltrace.reference.surfaces import Setting
-from cltrace.reference.vectors import Direction, Point
-
-
-@dataclass(frozen=True)
-class Segment(Tube):
-    """The points p with |p - C| <= r and 0 <= (p - S).u <= u.u, or, flat, with (p - S).u = 0; exactly, as a Tube.
-
-    center: C.
-    """
-
-    center: Rational = (ZERO, ZERO, ZERO)
-    flat: bool = False
-
-    def side(self, line: Line) -> Quadratic:
-        f, w = minus(vector(self.center), line.start), line.direction
-        return Quadratic(dot(w, w), dot(f, w), dot(f, f) - Surd(self.radius * self.radius))
-
-    @property
-    def depth(self) -> Fraction:
-        return ZERO if self.flat else self.uu
-
-    def is_beside(self, p: Rational) -> bool:
-        return sum(((a - b) ** 2 for a, b in zip(p, self.center, strict=True)), ZERO) > self.radius * self.radius
+from cltrace.reference.vectors import Direction, Point, size_of
 
 
 @dataclass(frozen=True)
@@ -67,23 +42,11 @@ class OnCut(OnCylinder):
         m = of.axis * (2 * self.k - 1) + m
         return m * (of.radius * (1 / math.sqrt(m.dot(m))))
 
-    @cached_property
-    def exact_point(self) -> Vector:
-        of, across = self.cylinder.segment, self.exact_across
-        if self.part != "side":
-            x, y, z = (Surd(s + v) for s, v in zip(of.start, across, strict=True))
-            return x, y, z
-        along = 2 * Fraction(self.k) - 1
-        m = [along * u + v for u, v in zip(of.axis, across, strict=True)]
-        square = sum((v * v for v in m), ZERO)
-        x, y, z = (Surd(c, of.radius * v / square, square) for c, v in zip(of.center, m, strict=True))
-        return x, y, z
-
 
 class Cut(Cylinder):
     """A solid ball between two planes, of which the second one is beyond it, or the disc in the first one.
 
-    segment: what that is, exactly; place: the centre in the world; seen_center: in camera space.
+    place: the centre in the world; seen_center: in camera space.
     """
 
     shape = kind = "cut ball"
@@ -92,20 +55,18 @@ class Cut(Cylinder):
         """See Cylinder: of a cut ball nothing counts as on it that is not."""
         return 0, 0
 
-    def solid(self, of: np.void) -> Segment:
+    def solid(self, of: np.void) -> ExactCut:
         self.place = Point(*of["center"].tolist())
-        center = between(self.eye, self.place)
-        self.seen_center = Point(*map(float, self.frame.to_camera(center)))
+        self.seen_center = self.view.seen(ExactPoint.of(self.place))
         # The start of the plane may be far from the ball, and so are the discs' points from there.
         self.reach = self.radius * 2 + size_of(self.place - self.start)
-        start, axis = between(self.eye, self.start), between(self.start, self.end)
-        self.segment = Segment(start, axis, Fraction(self.radius), center, flat=bool(of["flat"]))
-        return self.segment
+        self.flat = bool(of["flat"])
+        return ExactCut(self.start, self.end, self.radius, self.place, self.flat)
 
     def passes_by(self, way: Way | None) -> bool:
         """Whether a ray surely passes by the ball: |f x w| > r |w|.
 
-        f, from the ray's start to the centre, is off by 48 v s and w by 48 v w1, see cylinder.passes_by(), so f x w is
+        f, from the ray's start to the centre, is off by 48 v s and w by 48 v w1, see cylinders.passes_by(), so f x w is
         by less than 100 v s w1.
         """
         if way is None:

@@ -1,17 +1,57 @@
-"""Rays: where they start, where they lead, and how far they count."""
+"""Rays: where they start, where they lead, and how far they count; also as the exact engine has them."""
 
 from __future__ import annotations
 
+import functools
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from cltrace.reference.exact import Frame, Line, Vector, vector
-from cltrace.reference.vectors import Direction, Point
+from cltrace.exact.lines import ExactPoint, Frame, Line
+from cltrace.reference.vectors import EYE, Direction, Matrix, Point, size_of
+from cltrace.scene import AnyCamera
 
-EYE = Point(0.0, 0.0, 0.0)
+NOWHERE = Direction(0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class View(Frame):
+    """The camera's place in the world, and its axes: B, whose rows lead from the world to camera space.
+
+    The direction d of a ray in camera space stands for the direction B^T d in the world, exactly, see exact.Frame.
+    Camera.basis() makes the rows unit to 3 u and orthogonal to 4 u, u = 2^-53 (a hypot() of 2 u, and quotients,
+    products and differences of u each), so |B B^T - 1| is below 14 u.
+    """
+
+    eye: Point
+
+    @cached_property
+    def B(self) -> Matrix:
+        return Matrix(*(Direction(*row) for row in self.rows))
+
+    @cached_property
+    def exact_eye(self) -> ExactPoint:
+        return ExactPoint.of(self.eye)
+
+    def seen(self, place: ExactPoint) -> Point:
+        """A point of the world in camera space, each coordinate rounded once."""
+        return Point(*self.to_camera(place - self.exact_eye).rounded())
+
+    def turned(self, v: Sequence[float]) -> Direction:
+        """A direction of the world in camera space, of length 1, right to a few ulp.
+
+        The largest coordinate goes to 1 first, for the range.
+        """
+        largest = max(map(abs, v))
+        return (self.B @ Direction(*(x / largest for x in v))).normalized()
+
+
+@functools.lru_cache(maxsize=4)
+def view_of(camera: AnyCamera) -> View:
+    return View(camera.basis(), Point(*map(float, camera.position)))
 
 
 class Start(ABC):
@@ -29,10 +69,10 @@ class Start(ABC):
         """The surface that the ray leaves; None if it comes from the camera."""
 
     @property
-    def frame(self) -> Frame:
-        """The camera's axes."""
-        frame: Frame = self.surface.frame
-        return frame
+    def view(self) -> View:
+        """The camera's."""
+        view: View = self.surface.view
+        return view
 
     @property
     @abstractmethod
@@ -52,7 +92,7 @@ class Start(ABC):
     @cached_property
     def from_anchor(self) -> Direction:
         """The same in camera space."""
-        return self.frame.B @ self.step
+        return self.view.B @ self.step
 
     @property
     @abstractmethod
@@ -60,19 +100,14 @@ class Start(ABC):
         """How far the point is from the anchor at most."""
 
     @property
-    @abstractmethod
-    def error(self) -> float:
-        """A bound of what from_anchor is off by, beside the 2 k reach for the camera's skew k, see doubt.py."""
-
-    @property
     def fits(self) -> bool:
-        """Whether step is as good as equation.py and crossing.py need it."""
+        """Whether step is as good as the bounds of errors need it."""
         return True
 
     @property
     @abstractmethod
-    def exact_point(self) -> Vector:
-        """The point, exactly, from the eye along the world's axes."""
+    def exact_point(self) -> ExactPoint:
+        """The point in the world, exactly."""
 
     @property
     def point(self) -> Point:
@@ -88,17 +123,16 @@ class Start(ABC):
 class OnPlane(Start):
     """A point of the plane where the rays of an orthographic camera start: exactly the eye plus x and y times its axes.
 
-    The anchor is the eye. eye: in the world; axes: the camera's; x, y: scene units.
+    The anchor is the eye. x, y: scene units.
     """
 
-    eye: Point
-    axes: Frame
+    camera: View
     x: float
     y: float
 
     @property
-    def frame(self) -> Frame:
-        return self.axes
+    def view(self) -> View:
+        return self.camera
 
     @property
     def surface(self) -> None:
@@ -106,7 +140,7 @@ class OnPlane(Start):
 
     @property
     def place(self) -> Point:
-        return self.eye
+        return self.camera.eye
 
     @property
     def anchor(self) -> Point:
@@ -114,7 +148,7 @@ class OnPlane(Start):
 
     @cached_property
     def step(self) -> Direction:
-        return self.frame.B.T @ self.from_anchor
+        return self.camera.B.T @ self.from_anchor
 
     @cached_property
     def from_anchor(self) -> Direction:
@@ -124,13 +158,9 @@ class OnPlane(Start):
     def reach(self) -> float:
         return abs(self.x) + abs(self.y)
 
-    @property
-    def error(self) -> float:
-        return 0.0
-
     @cached_property
-    def exact_point(self) -> Vector:
-        return vector(self.frame.to_world(self.from_anchor))
+    def exact_point(self) -> ExactPoint:
+        return self.camera.exact_eye + self.camera.to_world(tuple(self.from_anchor))
 
 
 @dataclass(frozen=True)
@@ -150,11 +180,6 @@ class Ray:
         start = self.origin.point if isinstance(self.origin, Start) else self.origin
         return start + self.direction * t
 
-    def line(self, frame: Frame) -> Line:
-        """The ray in exact numbers, in the world."""
-        start = self.origin.exact_point if isinstance(self.origin, Start) else vector(frame.to_world(self.origin))
-        return Line(start, vector(frame.to_world(self.direction)))
-
     @property
     def is_plain(self) -> bool:
         """Whether doubles may decide about it: it counts from 0 to infinity, starts at the eye or by a Start as good as
@@ -162,3 +187,55 @@ class Ray:
         if (self.t_min, self.t_max) != (0, math.inf) or not 2.0**-200 < self.direction.dot(self.direction) < 2.0**200:
             return False
         return self.origin.fits if isinstance(self.origin, Start) else self.origin == EYE
+
+
+@functools.lru_cache(maxsize=4)
+def exact_line(ray: Ray, view: View) -> Line:
+    """A ray in exact numbers, in the world."""
+    if isinstance(ray.origin, Start):
+        start = ray.origin.exact_point
+    elif ray.origin == EYE:
+        start = view.exact_eye
+    else:
+        start = view.exact_eye + view.to_world(tuple(ray.origin))
+    return Line(start, view.to_world(tuple(ray.direction)))
+
+
+@dataclass(frozen=True)
+class Way:
+    """A ray in doubles: from place + step along w, all of them along the world's axes.
+
+    place: exactly; w1: |w|_1, or more where w is off by more than its own size; reach: a bound of |step|.
+
+    Bounds, in which u = 2^-53, and s = |f|_1 + reach for f, the way from the start to a point, `to`:
+
+    step. Of a sphere, step is r m with m = B^T q. Turning rounds three times, by u of at most |B^T| |q|: sqrt(27) u <
+        5.2 u. What m stands for is B^T q / |B^T q|. |q|^2 is 1 -/+ 64 u as computed (see Start.fits), 67 u in truth,
+        and the axes are orthonormal but for 14 u, so |B^T q| is 1 -/+ 40.5 u. Of an ellipsoid, step is r L q, which
+        rounds by 5 u l r, l being the size of L (see vectors.Matrix), and reach is l r. Of a triangle, step leads from
+        a corner by u and v times two edges, whose lengths add up to 2 reach at most; as u and v are 1/2 at most, it is
+        off by 3 u reach. Of a cylinder, k u is off by 2 u |u|, e1 and e2 by 3 u of themselves, m by 6 u and m / |m| by
+        12 u.
+    f.  (point - place) rounds by u (|f| + reach), r m by u reach, and their difference by u |f|: f is off by
+        2 u |f| + (40.5 + 5.2 + 2) u reach < 48 u s.
+    w.  Turned from camera space: 5.2 u |w|. From a light to a point, it is f of that point: 48 u w1.
+    """
+
+    place: Point
+    w: Direction
+    w1: float
+    step: Direction = NOWHERE
+    reach: float = 0.0
+
+    def to(self, point: Point) -> Direction:
+        return (point - self.place) - self.step
+
+
+def way_of(ray: Ray, view: View) -> Way | None:
+    """None if doubles may not decide about the ray."""
+    if not ray.is_plain:
+        return None
+    w, start = view.B.T @ ray.direction, ray.origin
+    if isinstance(start, Start):
+        return Way(start.place, w, size_of(w), step=start.step, reach=start.reach)
+    return Way(view.eye, w, size_of(w))

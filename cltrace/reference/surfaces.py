@@ -2,17 +2,67 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
-from cltrace.reference.exact import Frame, Root
+from cltrace.exact.lines import Root
 from cltrace.reference.lights import ShadowRay
-from cltrace.reference.rays import Ray, Start
-from cltrace.reference.texture import UV, Texture
+from cltrace.reference.rays import Ray, Start, View, Way, way_of
 from cltrace.reference.vectors import Color, Direction, Point
-from cltrace.scene import Scene
+from cltrace.scene import FULL, Scene
+from cltrace.scene import Texture as Texels
+
+UV = tuple[float, float]
+
+
+class Lookup(NamedTuple):
+    """x, y: the pixel at the upper left of the four that are mixed; right, down: the shares of those to the right of it
+    and below; color: the mixture."""
+
+    x: int
+    y: int
+    right: float
+    down: float
+    color: Color
+
+
+class Texture:
+    """An image that repeats: u = 0..1 is its width from left to right, v = 0..1 its height from top to bottom.
+
+    u = i / W is exactly column i of W, and v = j / H row j. In between, the four pixels around are mixed by how near
+    they are: bilinear interpolation.
+
+    texels: (H, W, 3), of uint8, uint16 or int16, of which FULL says what full colour is.
+    """
+
+    def __init__(self, texels: Texels) -> None:
+        self.texels, self.full = texels, FULL[texels.dtype]
+
+    def lookup(self, uv: UV) -> Lookup:
+        """The colour at (u, v), 1 = full in each channel, and how it comes about."""
+        height, width = self.texels.shape[:2]
+        # The image repeats, so whole parts do not matter. Without them, large numbers keep the digits behind.
+        x, y = (uv[0] - math.floor(uv[0])) * width, (uv[1] - math.floor(uv[1])) * height
+        i, j = math.floor(x), math.floor(y)
+        upper = _mix(self.texel(i, j), self.texel(i + 1, j), x - i)
+        lower = _mix(self.texel(i, j + 1), self.texel(i + 1, j + 1), x - i)
+        return Lookup(i % width, j % height, right=x - i, down=y - j, color=_mix(upper, lower, y - j))
+
+    def texel(self, i: int, j: int) -> Color:
+        """The pixel in column i and row j, both counted on beyond the image."""
+        height, width = self.texels.shape[:2]
+        red, green, blue = self.texels[j % height, i % width].tolist()
+        return (red / self.full, green / self.full, blue / self.full)
+
+
+def _mix(a: Color, b: Color, share: float) -> Color:
+    """a for share = 0, b for 1."""
+    red, green, blue = (x + share * (y - x) for x, y in zip(a, b, strict=True))
+    return (red, green, blue)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,13 +142,13 @@ class Intersection:
 class Surface(ABC):
     """Something that can be hit.
 
-    number: among the scene's surfaces; frame: the camera's axes; spread: of its normals' rounding, see bounce.lift();
+    number: among the scene's surfaces; view: the camera's; spread: of its normals' rounding, see bounce.lift();
     shape: what its normals are made of; kind: what it is in a file; primitive: the number of a triangle in its mesh.
     """
 
     material: Material
     number: int
-    frame: Frame
+    view: View
     spread: float = 1.0
     shape: str
     kind: str
@@ -126,11 +176,10 @@ class Surface(ABC):
 
 
 class Setting(NamedTuple):
-    """What surfaces are made from. eye, frame: the camera's place and axes; material: by its number in the scene."""
+    """What surfaces are made from. view: the camera's; material: by its number in the scene."""
 
     scene: Scene
-    eye: Point
-    frame: Frame
+    view: View
     material: Callable[[int], Material]
 
 
@@ -148,8 +197,49 @@ def comes_first(ray: Ray, surface: Surface, t: float, other: Surface, best: floa
     """Whether the ray meets a surface, at t, strictly before another one, at `best`.
 
     A t is off by 2^-24 of itself at most. Where two are closer than that, exact arithmetic decides; equal is equal,
-    but for planes that cross there, see face.Face.
+    but for planes that cross there, see exact.Root.
     """
     if not abs(t - best) > best * 2.0**-22:
         return surface.exact_t(ray) < other.exact_t(ray)
     return t < best
+
+
+class Group(Surface):
+    """Surfaces of which a ray meets the nearest one; of equally near ones, the first one.
+
+    number: the first one's.
+    """
+
+    def __init__(self, number: int, view: View) -> None:
+        self.number, self.view = number, view
+        # It is asked about a ray twice: first where it meets the group, then what is there.
+        self._first = lru_cache(maxsize=1)(self._find)
+
+    @abstractmethod
+    def near(self, way: Way | None) -> Iterator[Surface]:
+        """The surfaces that a ray may meet, by rising numbers; all of them if nothing is known of its way."""
+
+    def parts(self, ray: Ray | ShadowRay) -> Iterator[Surface]:
+        return self.near(ray.way_of_light if isinstance(ray, ShadowRay) else way_of(ray, self.view))
+
+    def intersect(self, ray: Ray) -> float | None:
+        met = self._first(ray)
+        return met[0] if met else None
+
+    def exact_t(self, ray: Ray) -> Root:
+        return self._met_by(ray).exact_t(ray)
+
+    def intersection_at(self, ray: Ray, t: float) -> Intersection:
+        return self._met_by(ray).intersection_at(ray, t)
+
+    def blocks(self, ray: ShadowRay) -> bool:
+        return any(surface.blocks(ray) for surface in self.parts(ray))
+
+    def _find(self, ray: Ray) -> tuple[float, Surface] | None:
+        return first_met(self.parts(ray), ray)
+
+    def _met_by(self, ray: Ray) -> Surface:
+        met = self._first(ray)
+        if met is None:
+            raise ValueError("the ray does not hit the surface")
+        return met[1]

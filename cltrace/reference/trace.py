@@ -9,12 +9,11 @@ from dataclasses import replace
 
 from cltrace.reference.bounce import Bounce, bounces
 from cltrace.reference.lights import Light, ShadowRay
-from cltrace.reference.pixel import Pixel
-from cltrace.reference.rays import EYE, OnPlane, Ray
-from cltrace.reference.records import BLACK, Fate, Illumination, Shading, Sight
+from cltrace.reference.rays import OnPlane, Ray, view_of
+from cltrace.reference.records import BLACK, Fate, Illumination, Pixel, Shading, Sight
 from cltrace.reference.surfaces import Intersection, Surface, first_met
-from cltrace.reference.vectors import Color, Direction, Point
-from cltrace.reference.world import World, frame_of
+from cltrace.reference.vectors import EYE, Color, Direction
+from cltrace.reference.world import World
 from cltrace.scene import AnyCamera
 
 
@@ -30,7 +29,7 @@ def primary_ray(camera: AnyCamera, u: int, v: int) -> Ray:
     x = (2 * u + 1 - width) * (half_width / width)
     y = (height - 1 - 2 * v) * (half_height / height)
     if camera.parallel:
-        return Ray(OnPlane(Point(*camera.position), frame_of(camera), x, y), Direction(0.0, 0.0, -1.0))
+        return Ray(OnPlane(view_of(camera), x, y), Direction(0.0, 0.0, -1.0))
     return Ray(EYE, Direction(x, y, -1.0))
 
 

@@ -9,16 +9,12 @@ from functools import cached_property
 
 import numpy as np
 
-from cltrace.reference.crossing import Crossing, RoughFace, Way, shadow_way, way_of
-from cltrace.reference.doubt import size_of
-from cltrace.reference.exact import Root, Vector, between, vector
-from cltrace.reference.face import Across, Face
-from cltrace.reference.groups import Group
+from cltrace.exact.lines import ExactPoint, Root
+from cltrace.exact.shapes import Across, ExactTriangle
 from cltrace.reference.lights import ShadowRay
-from cltrace.reference.rays import Ray, Start
-from cltrace.reference.surfaces import Intersection, Setting, Surface
-from cltrace.reference.texture import UV
-from cltrace.reference.vectors import Direction, Matrix, Point
+from cltrace.reference.rays import Ray, Start, Way, exact_line, way_of
+from cltrace.reference.surfaces import UV, Group, Intersection, Setting, Surface
+from cltrace.reference.vectors import Direction, Matrix, Point, size_of
 from cltrace.scene import PlacedMesh
 
 Weights = tuple[float, float, float]  # of a triangle's corners A, B and C, which add up to 1
@@ -76,14 +72,9 @@ class OnTriangle(Start):
         """By |V' - V| u + |V'' - V| v: no edge is longer than the other two, and u and v are at most 1/2."""
         return self.triangle.size
 
-    @property
-    def error(self) -> float:
-        """With u = 2^-53: a difference rounds by u, a product and the sum by u each, and turning by 5.2 u of |step|."""
-        return self.reach * 2.0**-49
-
     @cached_property
-    def exact_point(self) -> Vector:
-        return vector(self.triangle.face.point(self.corner, self.u, self.v))
+    def exact_point(self) -> ExactPoint:
+        return self.triangle.exact.point(self.corner, self.u, self.v)
 
 
 class Mesh(Group):
@@ -95,7 +86,7 @@ class Mesh(Group):
     kind = "mesh"
 
     def __init__(self, of: PlacedMesh, setting: Setting) -> None:
-        super().__init__(of.number, setting.eye, setting.frame)
+        super().__init__(of.number, setting.view)
         self.of, self.material = of, setting.material(of.material)
         self.normal_to_world = Matrix(*(Direction(*row) for row in of.normal_to_world.tolist()))
         self._triangles: dict[int, Triangle] = {}
@@ -112,7 +103,7 @@ class Mesh(Group):
         the largest number w_k of w, are linear in P, and 0 where the ray meets a triangle. That is between its corners,
         so neither may be > 0 at all three corners, or < 0, nor may w.P be < 0 there.
 
-        The corners are off by 48 u (M + reach), u = 2^-53, where M is the largest distance of one; see crossing.py. A
+        The corners are off by 48 u (M + reach), u = 2^-53, where M is the largest distance of one; see rays.Way. A
         coordinate of w x P is then off by 51 u (M + reach) |w|, and so is w.P. As w is off by 48 u w1, these are not
         quite 0 on the ray: at a distance of M at most, which is t <= 2 M / |w|, by 2 * 48 u w1 |w| t, or 192 u w1 M.
         With w1 <= 4 |w|_1, all of it is below 2^-41 (M + reach) |w|_1.
@@ -137,12 +128,117 @@ def meshes(setting: Setting) -> Iterator[Mesh]:
     return (Mesh(of, setting) for of in setting.scene.meshes)
 
 
+@dataclass(frozen=True, slots=True)
+class Rough:
+    """A double and a bound of its error."""
+
+    value: float
+    error: float
+
+    def sign(self) -> int | None:
+        """The sign of the exact value, None if it is in doubt. It is never known to be 0."""
+        if self.value > self.error:
+            return 1
+        return -1 if self.value < -self.error else None
+
+
+class RoughFace:
+    """A triangle in doubles. places: A, B and C in the world; e1, e2: from A to B and to C; N: e1 x e2; g, h, size: the
+    sizes of e1 and e2, and their sum."""
+
+    def __init__(self, A: Point, B: Point, C: Point) -> None:
+        self.places, self.e1, self.e2 = (A, B, C), B - A, C - A
+        self.N, self.g, self.h = self.e1.cross(self.e2), size_of(self.e1), size_of(self.e2)
+        self.size = self.g + self.h
+
+
+class Crossing:
+    """What doubles know of a ray and a triangle. Each value is a Rough one: with the bound of its error.
+
+    The formulas are those of ExactTriangle, in a form that keeps their digits. Seen from the start O, with A' = A - O,
+
+        e1 = B - A,  e2 = C - A,  N = e1 x e2,  R = A' x w,
+        D = A'.N,  den = N.w,  E_AB = w.(A' x B') = -e1.R,  E_CA = w.(C' x A') = e2.R,  E_BC = (den - E_CA) - E_AB,
+
+    the triangle is met where the three E have the sign of D, at t = D / den. Nothing is formed from two far points: all
+    is as good as the way to A and the edges are, wherever in the world that is.
+
+    Bounds, in which u = 2^-53, |x|_1 sums a vector's magnitudes, g = |e1|_1, h = |e2|_1, s = |A'|_1 + reach, and w1 is
+    |w|_1, of a ray from a light |w|_1 + reach:
+
+        A'. From the eye or a light, rounded once: u s. From a sphere, 48 u s, as rays.Way has it for f; from a
+            triangle less.
+        w.  Turned from camera space: 5.2 u |w|. From a light to a point, P - L is A' of that point: 48 u w1.
+        e1, e2: u g, u h.    N: 2 u g h for the edges, 3 u g h for products and sums: 5 u g h.
+        R.  48 u s w1 for A', 48 u s w1 for w, and 3 u s w1: 99 u s w1.
+        E_AB, E_CA. 99 u s w1 for R, u for the edge, 3 u for the sums, each times g or h: < 2^-46 s w1 (g + h).
+        den. 5 u for N, 48 u for w, 3 u for the sums:   < 2^-46 g h w1.
+        D.   48 u for A', 5 u for N, 3 u for the sums:  < 2^-46 s g h.
+        E_BC. Those of den, E_CA and E_AB, and u for each of the two differences, of what they yield.
+
+    The bounds that are taken are larger, which leaves room for the rounding of the sizes themselves: for E_AB and E_CA
+    2^-44 s w1 (g + h), 2^-46 g h w1 for den, both together for E_BC, and 2^-45 s g h for D.
+    """
+
+    def __init__(self, triangle: RoughFace, way: Way) -> None:
+        e1, e2, N, w = triangle.e1, triangle.e2, triangle.N, way.w
+        to_a = way.to(triangle.places[0])
+        R, den = to_a.cross(w), N.dot(w)
+        ab, ca = -e1.dot(R), e2.dot(R)
+        s, gh, w1 = size_of(to_a) + way.reach, triangle.g * triangle.h, way.w1
+        bound, den_error = 2.0**-44 * s * w1 * (triangle.g + triangle.h), 2.0**-46 * w1 * gh
+        self.w1, self.reach = w1, way.reach
+        self.D, self.den = Rough(to_a.dot(N), 2.0**-45 * s * gh), Rough(den, den_error)
+        self.ab, self.ca = Rough(ab, bound), Rough(ca, bound)
+        self.bc = Rough((den - ca) - ab, bound + den_error)
+        # |den| times how far the point of weights() is off: each weight, which is at most 1, by its part of |den|.
+        self.off = (bound + den_error) * triangle.size
+
+    @cached_property
+    def side(self) -> int | None:
+        """The sign of N.w if the ray meets the triangle, 0 if it does not; None if doubles are not sure."""
+        signs = [x.sign() for x in (self.D, self.ab, self.bc, self.ca)]
+        known = {sign for sign in signs if sign is not None}
+        if len(known) == 2:
+            return 0
+        return None if None in signs else known.pop()
+
+    @property
+    def ends_beyond(self) -> bool | None:
+        """Of a ray that surely meets the triangle: whether its point at t = 1 is strictly beyond the plane."""
+        rest = Rough(self.den.value - self.D.value, self.den.error + self.D.error).sign()
+        return None if rest is None else rest == self.side
+
+    @property
+    def t(self) -> float | None:
+        """Where the ray is in the plane, right to 2^-24 of itself; None if doubles cannot tell."""
+        D, den = self.D, self.den
+        if D.error <= 2.0**-26 * abs(D.value) and den.error <= 2.0**-26 * abs(den.value):
+            return D.value / den.value
+        return None
+
+    @property
+    def has_point(self) -> bool:
+        """Of a ray that meets the triangle: whether the point of weights() is off by at most 2^-24 of the way to it.
+
+        That way begins at the corner from which the ray's start is counted, or at the eye.
+
+        Where edges are millions of times as long as a triangle is wide, N has lost its digits, and it is not so.
+        Elsewhere these weights are the kernel's, also on an edge.
+        """
+        return self.off <= 2.0**-24 * (abs(self.D.value) * self.w1 + abs(self.den.value) * self.reach)
+
+    def weights(self) -> tuple[float, float]:
+        """Of the corners B and C, where the ray is in the plane; not below 0."""
+        return _positive_quotient(self.ca.value, self.den.value), _positive_quotient(self.ab.value, self.den.value)
+
+
 class Triangle(RoughFace, Surface):
     """The points a A + b B + c C with a, b, c >= 0 and a + b + c = 1. Both sides are seen.
 
     A ray o + t w is in its plane where t w.N = (A - o).N, with N = (B - A) x (C - A). There it is in the triangle if it
-    passes all three edges on the same side: A to B, B to C and C to A go round the triangle. crossing.py computes that
-    in doubles; face.Face says who owns an edge, and decides what doubles cannot.
+    passes all three edges on the same side: A to B, B to C and C to A go round the triangle. Crossing computes that in
+    doubles; ExactTriangle says who owns an edge, and decides what doubles cannot.
 
     primitive: its number in the mesh; front: 1 if N points to the outside, -1 if to the inside; normals: the corners',
     in the object's space, or None; uvs: where the corners are in the texture.
@@ -152,7 +248,7 @@ class Triangle(RoughFace, Surface):
 
     def __init__(self, mesh: Mesh, primitive: int) -> None:
         self.mesh, self.primitive, self.number = mesh, primitive, mesh.number
-        self.frame, self.material, self.front = mesh.frame, mesh.material, int(mesh.of.front[primitive])
+        self.view, self.material, self.front = mesh.view, mesh.material, int(mesh.of.front[primitive])
         shape = mesh.of.geometry
         super().__init__(*(Point(*place) for place in mesh.of.vertices[shape.faces[primitive]].tolist()))
         normal_of, uv_of = shape.normal_of[primitive], shape.uv_of[primitive]
@@ -161,14 +257,13 @@ class Triangle(RoughFace, Surface):
         self.uvs: Sequence[UV] = shape.uv[uv_of].tolist() if uv_of[0] >= 0 else [(0.0, 0.0)] * 3
 
     @cached_property
-    def face(self) -> Face:
-        """The triangle, exactly, from the eye."""
-        a, b, c = (between(self.mesh.eye, place) for place in self.places)
-        return Face((a, b, c))
+    def exact(self) -> ExactTriangle:
+        """The triangle as the exact engine has it."""
+        return ExactTriangle(self.places)
 
     def seen_corner(self, corner: int) -> Point:
         """A corner in camera space, rounded."""
-        return Point(*map(float, self.frame.to_camera(self.face.corners[corner])))
+        return self.view.seen(self.exact.corners[corner])
 
     def intersect(self, ray: Ray) -> float | None:
         if self._is_left_by(ray.origin):
@@ -187,14 +282,12 @@ class Triangle(RoughFace, Surface):
         """From a light at a point, the ray that is asked about is the one that leads to the start of the shadow ray."""
         if self._is_left_by(ray.start):
             return False
-        way = shadow_way(ray)
-        crossing = Crossing(self, way) if way else None
+        crossing = Crossing(self, ray.way_of_light) if ray.way_of_light else None
         if crossing and crossing.side is not None:
             sure = crossing.side != 0 and (ray.light.parallel or crossing.ends_beyond)
             if sure is not None:
                 return sure
-        across = self.face.met_by(ray.line_of_light)
-        return across is not None and across.root.is_between(0.0, ray.t_max)
+        return self.exact.first(ray.line_of_light, 0.0, ray.t_max) is not None
 
     def intersection_at(self, ray: Ray, t: float) -> Intersection:
         crossing = self._crossing(ray)
@@ -227,12 +320,12 @@ class Triangle(RoughFace, Surface):
         return isinstance(start, OnTriangle) and start.triangle is self
 
     def _crossing(self, ray: Ray) -> Crossing | None:
-        way = way_of(ray, self.frame, self.mesh.eye)
+        way = way_of(ray, self.view)
         return Crossing(self, way) if way else None
 
     def _across(self, ray: Ray) -> Across | None:
         """How the ray meets the triangle within its range, exactly; None if it does not."""
-        across = self.face.met_by(ray.line(self.frame))
+        across = self.exact.met_by(exact_line(ray, self.view))
         return across if across and across.root.is_between(ray.t_min, ray.t_max) else None
 
     def _met_by(self, ray: Ray) -> Across:
@@ -257,13 +350,13 @@ class Triangle(RoughFace, Surface):
             m = self.N
         if not m.dot(m) > 0:
             m = self._exact_normal()
-        return self.frame.B @ (m * (1 / math.sqrt(m.dot(m))))
+        return self.view.B @ (m * (1 / math.sqrt(m.dot(m))))
 
     def _exact_normal(self) -> Direction:
         """N of length about 1, for triangles so narrow that in doubles it vanishes."""
-        N = self.face.normal
+        N = self.exact.normal
         largest = max(map(abs, N))
-        return Direction(*(float(x / largest) for x in N))
+        return Direction(*(x / largest for x in N))
 
     def uv(self, weights: Weights) -> UV:
         (a, b, c), (A, B, C) = weights, self.uvs
@@ -274,3 +367,11 @@ def _three(b: float, c: float) -> Weights:
     """The weights of all three corners from those of two. Rounding may leave nothing for the first one."""
     a = (1 - b) - c
     return (a if a > 0 else 0.0), b, c
+
+
+def _positive_quotient(x: float, y: float) -> float:
+    """x / y as a processor divides, but 0 if it is below, or 0 / 0."""
+    if y == 0:
+        return math.inf if x != 0 and (x > 0) == (math.copysign(1, y) > 0) else 0.0
+    q = x / y
+    return q if q > 0 else 0.0

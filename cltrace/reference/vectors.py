@@ -109,3 +109,8 @@ class Matrix:
         for value in (*self.x, *self.y, *self.z):
             total += abs(value)
         return total
+
+
+def size_of(p: Point | Direction) -> float:
+    """|p|_1, the sum of the coordinates' magnitudes."""
+    return (abs(p.x) + abs(p.y)) + abs(p.z)

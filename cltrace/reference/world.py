@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from cltrace.reference import lights
-from cltrace.reference.exact import Frame, rational
+from cltrace.reference.cut import cuts
+from cltrace.reference.cylinders import cylinders
 from cltrace.reference.lights import Light
-from cltrace.reference.shapes import KINDS, Kinds
-from cltrace.reference.surfaces import Material, Setting, Surface
-from cltrace.reference.texture import Texture
-from cltrace.reference.vectors import Color, Point, color_of
+from cltrace.reference.rays import view_of
+from cltrace.reference.spheres import spheres
+from cltrace.reference.surfaces import Material, Setting, Surface, Texture
+from cltrace.reference.triangles import meshes
+from cltrace.reference.vectors import Color, color_of
 from cltrace.scene import AMBIENT, AnyCamera, Scene
+
+Kinds = Mapping[str, Callable[[Setting], Iterable[Surface]]]
+
+# The table of shapes: what makes a scene's surfaces of each kind, which do not overlap in their numbers. To add one is
+# to add its file and a row: nothing else names a kind of surface.
+KINDS: Kinds = {"spheres": spheres, "meshes": meshes, "cylinders": cylinders, "cuts": cuts}
 
 
 @dataclass(frozen=True)
@@ -31,22 +39,16 @@ class World:
 
 def world_of(scene: Scene, kinds: Kinds = KINDS) -> World:
     """Moves a scene into camera space: in exact arithmetic, so that each coordinate is rounded once."""
-    frame, eye = frame_of(scene.camera), Point(*scene.camera.position)
-    setting = Setting(scene, eye, frame, _materials(scene))
-    surfaces = [surface for made in kinds.values() for surface in made(setting)]
+    view = view_of(scene.camera)
+    setting = Setting(scene, view, _materials(scene))
+    surfaces = [surface for make in kinds.values() for surface in make(setting)]
     surfaces.sort(key=lambda surface: surface.number)
     shining = scene.lamps[scene.lamps["kind"] != AMBIENT]
-    lamps = [lights.KINDS[int(light["kind"])](light, eye, frame) for light in shining]
+    lamps = [lights.KINDS[int(light["kind"])](light, view) for light in shining]
     ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
     return World(
         scene.camera, surfaces, lamps, ambient=color_of(ambient), background=color_of(np.array(scene.background))
     )
-
-
-@functools.lru_cache(maxsize=4)
-def frame_of(camera: AnyCamera) -> Frame:
-    right, up, back = camera.basis()
-    return Frame((rational(right), rational(up), rational(back)))
 
 
 def _materials(scene: Scene) -> Callable[[int], Material]:

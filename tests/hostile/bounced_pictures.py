@@ -22,8 +22,7 @@ from cltrace.oracle.search import Kinds
 from cltrace.oracle.spheres import Spheres
 from cltrace.picture.image import Image
 from cltrace.reference import OnSphere, World, world_of
-from cltrace.reference.ellipsoid import Ellipsoid
-from cltrace.reference.round import Round
+from cltrace.reference.spheres import Ellipsoid, Round
 from cltrace.reference.surfaces import Surface
 from cltrace.reference.trace import primary_ray
 from cltrace.scene import MATERIAL, Camera, Scene, ambient_light
@@ -208,7 +207,7 @@ def starts_on(surface: Round, d: Vector, eye: Floats) -> Starts:
 
 
 def _on_sphere(surface: Round, d: Vector) -> Starts:
-    """FromEye of cltrace/reference/equation.py."""
+    """from_eye() of cltrace/reference/spheres.py."""
     C, r, c = constant(surface.center), surface.radius, surface.eye_power
     a, b, outside = dot(d, d), dot(C, d), surface.eye_outside
     k = b * (1 / a)
@@ -229,9 +228,10 @@ def _on_sphere(surface: Round, d: Vector) -> Starts:
 
 
 def _on_ellipsoid(surface: Ellipsoid, d: Vector, eye: Floats) -> Starts:
-    """FromSurface of cltrace/reference/equation.py, from the eye. Where it is not sure, t is the exact one, rounded."""
-    k, r, f = surface.stretch, surface.radius, constant(surface.ball.center)
-    w = product(surface.frame.B.T, d)
+    """from_surface() of cltrace/reference/spheres.py, from the eye. Where it is in doubt, t is the exact one."""
+    k, r = surface.stretch, surface.radius
+    f = constant((surface.exact.center - surface.view.exact_eye).fractions())
+    w = product(surface.view.B.T, d)
     s, w1 = k * magnitude(f), k * magnitude(w)
     f, w = product(surface.K, f), product(surface.K, w)
     X, a, b, ff, rr = cross(f, w), dot(w, w), dot(f, w), dot(f, f), r * r
@@ -248,7 +248,7 @@ def _on_ellipsoid(surface: Ellipsoid, d: Vector, eye: Floats) -> Starts:
     g = minus(times(t, w), f)
     q = times(1 / np.sqrt(dot(g, g)), g)
     n = product(surface.K.T, q)
-    n = product(surface.frame.B, times(1 / np.sqrt(dot(n, n)), n))
+    n = product(surface.view.B, times(1 / np.sqrt(dot(n, n)), n))
     return Starts(q, n, np.full(len(a), 1 if outside else -1), sure & (t > 0) & (t < math.inf))
 
 
@@ -256,7 +256,7 @@ def _put_exact_t(t: Floats, surface: Ellipsoid, d: Vector, eye: Floats, rows: ND
     """(n,): for which of t, (n,), this has put in the exact one, rounded. rows: which to try."""
     done = np.zeros(len(t), bool)
     if len(rows):
-        basis = np.array([tuple(row) for row in (surface.frame.B.x, surface.frame.B.y, surface.frame.B.z)])
+        basis = np.array([tuple(row) for row in (surface.view.B.x, surface.view.B.y, surface.view.B.z)])
         K = np.array([tuple(row) for row in (surface.K.x, surface.K.y, surface.K.z)])
         spheres = Spheres(np.array([tuple(surface.place)]), np.array([surface.radius]), [K], np.zeros(1, int))
         rays = along(at_point(eye, len(rows)), np.transpose(d)[rows], basis)

@@ -20,7 +20,7 @@ from cltrace.oracle.search import Kinds
 from cltrace.oracle.spheres import Spheres
 from cltrace.oracle.triangles import Triangles, on_triangles
 from cltrace.reference import OnTriangle, Point, world_of
-from cltrace.reference.world import frame_of
+from cltrace.reference.rays import view_of
 from cltrace.scene import AMBIENT, MATERIAL, PARALLEL, Geometry, PlacedMesh, Scene, ambient_light
 from hostile.sphere_regimes import rays as camera_rays
 
@@ -96,7 +96,7 @@ def left_from(scene: Scene, triangles: Triangles, seen: Seen) -> Left:
     """Where rays go on from what pixels show, of meshes without normals: as Crossing and Triangle of the reference."""
     pixels = np.flatnonzero(seen.primitive >= 0)
     row = np.searchsorted(triangles.surface, seen.id[pixels]) + seen.primitive[pixels]
-    frame, d = frame_of(scene.camera), columns_of(camera_rays(scene.camera)[pixels])
+    frame, d = view_of(scene.camera), columns_of(camera_rays(scene.camera)[pixels])
     w = product(frame.B.T, d)
     A, B, C = (columns_of(triangles.vertices[triangles.faces[row, i]]) for i in range(3))
     to_a, e1, e2 = minus(A, constant(Point(*scene.camera.position))), minus(B, A), minus(C, A)

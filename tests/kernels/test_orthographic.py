@@ -285,7 +285,7 @@ def test_pictures_are_those_of_the_reference(device: Device, kind: type) -> None
         for y, x in ((15, 20), (10, 25), (20, 18)):
             _, at = trace(world, primary_ray(camera, x, y))
             assert image.depth[y, x] == (at.distance if at else np.inf)
-            normal = np.array([*(world.surfaces[0].frame.B.T @ at.normal)]) if at else np.zeros(3)
+            normal = np.array([*(world.surfaces[0].view.B.T @ at.normal)]) if at else np.zeros(3)
             assert np.abs(image.normal[y, x] - normal).max() < 2.0**-22
 
 

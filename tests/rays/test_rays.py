@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +15,10 @@ from rational_meshes import doubles_mesh, grid_mesh
 import cltrace
 from cltrace import Camera, Mesh, Scene, oracle
 from cltrace.base.arithmetic import inverses
+from cltrace.exact.lines import ExactPoint, Line, Root
+from cltrace.exact.shapes import ExactSphere, ExactTriangle
 from cltrace.rays import Hits, trace_rays
 from cltrace.rays import trace as inside
-from cltrace.reference.ball import Ball
-from cltrace.reference.exact import Line, Root, rational, vector
-from cltrace.reference.face import Face
 from cltrace.run.devices import Device
 
 CAMERA = Camera((0, 0, 9), (0, 0, 0), resolution=(8, 8))
@@ -62,20 +60,18 @@ def aimed(scene: Scene, rng: np.random.Generator, count: int) -> tuple[np.ndarra
 
 def by_fractions(scene: Scene, o: np.ndarray, d: np.ndarray, t_min: float, t_max: float) -> tuple[int, int, float]:
     """Every surface in rational arithmetic, one after the other."""
-    line = Line(vector(rational(o.tolist())), vector(rational(d.tolist())))
+    line = Line(ExactPoint.of(o.tolist()), ExactPoint.of(d.tolist()))
     met: list[tuple[int, int, Root]] = []
     for number, sphere in zip(scene.sphere_numbers.tolist(), scene.spheres, strict=True):
         K = scene.to_object[sphere["to_object"]].tolist() if sphere["to_object"] >= 0 else None
-        rows = tuple(rational(row) for row in K) if K else None
-        ball = Ball(rational(sphere["center"].tolist()), Fraction(float(sphere["radius"])), rows)
-        root = ball.met_by(line).first(t_min, t_max)
+        root = ExactSphere(sphere["center"].tolist(), float(sphere["radius"]), K).first(line, t_min, t_max)
         if root is not None:
             met.append((number, -1, root))
     for mesh in scene.meshes:
         for i, face in enumerate(mesh.geometry.faces):
-            across = Face(tuple(rational(p) for p in mesh.vertices[face].tolist())).met_by(line)
-            if across and across.root.is_between(t_min, t_max):
-                met.append((mesh.number, i, across.root))
+            root = ExactTriangle(mesh.vertices[face].tolist()).first(line, t_min, t_max)
+            if root is not None:
+                met.append((mesh.number, i, root))
     met.sort(key=lambda hit: hit[:2])
     best = met[0] if met else (-1, -1, None)
     for hit in met[1:]:

@@ -39,7 +39,7 @@ class CutTest(Textbook):
 
     @classmethod
     def of(cls, cut: Cut, o: Point, d: Direction) -> CutTest:
-        S, u, flat = cut.start, cut.axis.normalized(), cut.segment.flat
+        S, u, flat = cut.start, cut.axis.normalized(), cut.flat
         from_center, R = o - cut.place, cut.radius
         a, b, c = d.dot(d), 2 * d.dot(from_center), from_center.dot(from_center) - R * R
         _, t = solutions(a, b, c)

@@ -10,7 +10,7 @@ from typing import ClassVar
 from cltrace.explanation.shapes.shape import Textbook, common, first_of, solutions
 from cltrace.explanation.triples import Triple, number, triple, vector
 from cltrace.reference import Direction, Point
-from cltrace.reference.cylinder import Cylinder
+from cltrace.reference.cylinders import Cylinder
 
 
 @dataclass(frozen=True)

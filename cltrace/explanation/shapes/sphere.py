@@ -11,7 +11,7 @@ from cltrace.explanation.many import Swarm
 from cltrace.explanation.shapes.shape import Textbook, first_of, solutions
 from cltrace.explanation.space import Footprint
 from cltrace.explanation.triples import Triple, number, triple, vector
-from cltrace.reference import Direction, Point, Round, Surface
+from cltrace.reference import Direction, Ellipsoid, Point, Round, Surface
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class SphereTest(Textbook):
         to_start, way = sphere.seen(o - C), sphere.seen(d)
         a, b, c = way.dot(way), 2 * way.dot(to_start), to_start.dot(to_start) - R * R
         disc, t = solutions(a, b, c)
-        own = sphere.ball.to_object is not None
+        own = sphere.exact.K is not None
         return cls(triple(C), R, own, triple(to_start), direction=triple(way), a=a, b=b, c=c, discriminant=disc, t=t)
 
     @classmethod
@@ -85,5 +85,4 @@ class SphereTest(Textbook):
 
 def _in_world(sphere: Round, v: Direction) -> Direction:
     """Back from a sphere's own axes."""
-    rows = sphere.ball.to_world
-    return v if rows is None else Direction(*(Direction(*map(float, row)).dot(v) for row in rows))
+    return sphere.L @ v if isinstance(sphere, Ellipsoid) else v

@@ -7,7 +7,7 @@ from cltrace.explanation.shapes.shape import Textbook
 from cltrace.explanation.shapes.sphere import SphereTest
 from cltrace.explanation.shapes.triangle import TriangleTest
 from cltrace.reference import Surface
-from cltrace.reference.shapes import KINDS as PLAIN
+from cltrace.reference.world import KINDS as PLAIN
 
 # To the reference a cut ball is a cylinder, too: it comes first.
 SHAPES: tuple[type[Textbook], ...] = (SphereTest, CutTest, CylinderTest, TriangleTest)
