@@ -14,7 +14,7 @@ from cltrace.base.errors import SceneError, UsageError
 from cltrace.cli.files import Reporter, check_target, files_of, scene_of
 from cltrace.cli.options import Options
 from cltrace.movie.animate import FPS, FrameFiles, FrameRenderer, on_device
-from cltrace.movie.frames import MOVIES, Frame, Pattern, frames_of, orbit, pattern_of
+from cltrace.movie.frames import MOVIES, MovieFrame, Pattern, frames_of, orbit, pattern_of
 from cltrace.picture.files import Inputs
 from cltrace.picture.image import Image
 from cltrace.process.console import tell
@@ -119,12 +119,12 @@ class _Pictures:
         self.inputs = Inputs(map(Path, options.scenes))
         self.how: dict[str, Any] = {"skip_existing": options.skip_existing, "inputs": self.inputs}
 
-    def scenes(self) -> Iterator[tuple[FrameFiles, Iterator[Frame], int]]:
+    def scenes(self) -> Iterator[tuple[FrameFiles, Iterator[MovieFrame], int]]:
         """One picture of each scene that can be read."""
         names: dict[int, str] = {}
         numbers = _picked(self.options, len(self.options.scenes), "scenes")
 
-        def frames() -> Iterator[Frame]:
+        def frames() -> Iterator[MovieFrame]:
             for number in numbers:
                 path, output = self.options.scenes[number], self.options.output
                 scene = self._read(path)
@@ -136,11 +136,11 @@ class _Pictures:
                     other = f"another scene has {name}, too; -o '{{}}.png' takes scenes' names"
                     raise UsageError(f"{path}: output_file: {other}")
                 names[number] = name
-                yield Frame(number, scene)
+                yield MovieFrame(number, scene)
 
         yield FrameFiles(names.__getitem__, **self.how), frames(), len(numbers)
 
-    def orbits(self) -> Iterator[tuple[FrameFiles, Iterator[Frame], int]]:
+    def orbits(self) -> Iterator[tuple[FrameFiles, Iterator[MovieFrame], int]]:
         """Frames around each scene that can be read."""
         taken: set[str] = set()
         for path in self.options.scenes:
@@ -159,7 +159,7 @@ class _Pictures:
             files = FrameFiles(pattern.of, pattern.suffix, self.options.fps or FPS, **self.how)
             yield files, frames, len(_picked(self.options, len(cameras), "frames"))
 
-    def write(self, files: FrameFiles, frames: Iterator[Frame], count: int, renderer: FrameRenderer) -> None:
+    def write(self, files: FrameFiles, frames: Iterator[MovieFrame], count: int, renderer: FrameRenderer) -> None:
         """Draws frames, and says what was written, also where a fault ends that."""
         options = self.options
         how: dict[str, Any] = {"look": (options.show, options.space), "progress": self.reporter.progress}

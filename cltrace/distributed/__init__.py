@@ -18,7 +18,7 @@ from distributed import Client
 from cltrace.base.progress import bar
 from cltrace.distributed.farm import Farm, FarmError, Task
 from cltrace.movie.animate import FPS, Each, FrameRenderer, files_of
-from cltrace.movie.frames import Frame, frames_of
+from cltrace.movie.frames import MovieFrame, frames_of
 from cltrace.picture.image import Image
 from cltrace.picture.png import BAND
 from cltrace.plan.request import Request
@@ -122,7 +122,7 @@ def on_cluster(client: Client, device: str | None, options: Mapping[str, Any]) -
     crop = options.get("crop")
     farm = Farm(client, device, {name: value for name, value in options.items() if name != "crop"})
 
-    def images(frames: Iterable[Frame]) -> Generator[tuple[Frame, Image], None, None]:
+    def images(frames: Iterable[MovieFrame]) -> Generator[tuple[MovieFrame, Image], None, None]:
         tasks = (Task(f"frame {frame.number}", frame.scene, crop, frame) for frame in frames)
         with closing(farm.images(tasks)) as drawn:
             for task, image in drawn:

@@ -23,7 +23,7 @@ from cltrace.base.arrays import processors
 from cltrace.base.errors import CltraceError, DeviceError, TooManyRaysError, TooSlowError
 from cltrace.base.waiting import Announcement
 from cltrace.movie.animate import in_order
-from cltrace.movie.frames import Frame
+from cltrace.movie.frames import MovieFrame
 from cltrace.picture.image import Image
 from cltrace.plan.request import Crop
 from cltrace.renderers.renderer import Renderer
@@ -116,7 +116,7 @@ class Task(NamedTuple):
     label: str
     scene: Scene
     crop: Crop | None
-    frame: Frame | None = None
+    frame: MovieFrame | None = None
 
 
 class Farm:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from cltrace.base.arrays import processors
 from cltrace.base.progress import bar
 from cltrace.movie.fingerprint import Fingerprints, shows
-from cltrace.movie.frames import MOVIES, Frame, frames_of, pattern_of
+from cltrace.movie.frames import MOVIES, MovieFrame, frames_of, pattern_of
 from cltrace.movie.writers import find_ffmpeg, movie_writer, write_frame
 from cltrace.picture.files import Inputs
 from cltrace.picture.image import Image
@@ -73,7 +73,7 @@ class FrameRenderer(NamedTuple):
     Renderer, with the precision that is used; devices: their names; place: the same in words, for messages.
     """
 
-    images: Callable[[Iterable[Frame]], Generator[tuple[Frame, Image], None, None]]
+    images: Callable[[Iterable[MovieFrame]], Generator[tuple[MovieFrame, Image], None, None]]
     options: Mapping[str, Any]
     devices: str
     place: str
@@ -88,10 +88,10 @@ def on_device(device: str | Device | None, options: Mapping[str, Any]) -> FrameR
     chosen = device if isinstance(device, Device) else choose(device)
     how = {**options, "precision": options.get("precision") or default_precision(chosen)}
 
-    def images(frames: Iterable[Frame]) -> Generator[tuple[Frame, Image], None, None]:
+    def images(frames: Iterable[MovieFrame]) -> Generator[tuple[MovieFrame, Image], None, None]:
         last: Renderer | None = None
 
-        def prepared(frame: Frame) -> Renderer:
+        def prepared(frame: MovieFrame) -> Renderer:
             nonlocal last
             renderer = last.following(frame.scene) if last else Renderer(frame.scene, chosen, **how)
             last = copy(renderer)  # which has a lock of its own, so it does not wait until this frame is drawn
@@ -164,7 +164,7 @@ class FrameFiles:
 
     def write(
         self,
-        frames: Iterable[Frame],
+        frames: Iterable[MovieFrame],
         renderer: FrameRenderer,
         pixels_of: Callable[[Image, Scene], Pixels] = colors,
         look: object = "",
@@ -181,7 +181,7 @@ class FrameFiles:
         marks = Fingerprints({**renderer.options, "device": device, "look": look})
         names: list[str] = []
 
-        def wanted() -> Iterator[Frame]:
+        def wanted() -> Iterator[MovieFrame]:
             for frame in frames:
                 names.append(self._name_of(frame.number))
                 if self._skip_existing and shows(Path(names[-1]), marks.of(frame.scene)):
@@ -359,7 +359,7 @@ def files_of(output: Name, fps: float, skip_existing: bool, each: Each | None) -
 
 
 def _images(
-    frames: Iterator[Frame],
+    frames: Iterator[MovieFrame],
     renderer: Callable[[], FrameRenderer],
     each: Each | None,
     progress: bool | None,

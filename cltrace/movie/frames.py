@@ -30,14 +30,14 @@ NUMBER = re.compile(r"%(0[1-9])?d")
 MOVIES = (".mp4", ".gif", ".apng")
 
 
-class Frame(NamedTuple):
+class MovieFrame(NamedTuple):
     """A frame of a movie: its number, from 0, and what it shows."""
 
     number: int
     scene: Scene
 
 
-def frames_of(items: Iterable[object], scene: Scene | None = None, select: slice = slice(None)) -> Iterator[Frame]:
+def frames_of(items: Iterable[object], scene: Scene | None = None, select: slice = slice(None)) -> Iterator[MovieFrame]:
     """The frames that `select` picks, each from what was there before it.
 
     items: a Scene takes the place of what was there; a Camera looks at it; a mapping changes its spheres, as
@@ -60,7 +60,7 @@ def frames_of(items: Iterable[object], scene: Scene | None = None, select: slice
         except (TypeError, ValueError) as error:
             raise type(error)(f"frames[{number}]: {error}") from None
         if number >= start and (number - start) % step == 0:
-            yield Frame(number, scene)
+            yield MovieFrame(number, scene)
     if number < 0:
         raise ValueError("frames: must be at least one, got none")
 

@@ -112,7 +112,7 @@ MOST = 2000
 
 
 @dataclass(frozen=True)
-class Line:
+class RayLine:
     """From one point of the world to another.
 
     kind: of a ray: primary, mirrored, refracted; of a shadow ray its fate, see LightTerm, and "beyond" for the rest of
@@ -130,23 +130,23 @@ def as_json(found: Explanation, reach: float) -> str:
     return json.dumps({"lines": [asdict(line) for line in lines[:MOST]], "count": len(lines)})
 
 
-def lines_of(found: Explanation, reach: float) -> Iterator[Line]:
+def lines_of(found: Explanation, reach: float) -> Iterator[RayLine]:
     """All of them, the pixel's ray first. reach: how long those are that have no end, in scene units."""
     for ray in found.rays:
-        yield Line(ray.kind, ray.origin, ray.hit.point if ray.hit else _along(ray.origin, ray.direction, reach))
+        yield RayLine(ray.kind, ray.origin, ray.hit.point if ray.hit else _along(ray.origin, ray.direction, reach))
         for light in ray.lights:
             for one in members(light):
                 assert ray.hit
                 yield from _shadow_ray(ray.hit, one, reach)
 
 
-def _shadow_ray(hit: Hit, light: LightTerm, reach: float) -> Iterator[Line]:
+def _shadow_ray(hit: Hit, light: LightTerm, reach: float) -> Iterator[RayLine]:
     """From the point to what blocks it, and to the light."""
     start, end = hit.point, _along(hit.point, light.l, light.distance if math.isfinite(light.distance) else reach)
     blocker = light.between[0].point if light.between else None
-    yield Line(light.fate, start, blocker or end)
+    yield RayLine(light.fate, start, blocker or end)
     if blocker:
-        yield Line("beyond", blocker, end)
+        yield RayLine("beyond", blocker, end)
 
 
 def _along(start: Triple, direction: Triple, way: float) -> Triple:

@@ -19,7 +19,7 @@ from pathlib import PurePosixPath
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from cltrace.viewer.messages import Event, Message
-from cltrace.viewer.session import Session, Window
+from cltrace.viewer.session import Session, SessionRunner
 from cltrace.viewer.stage import Stage
 
 HOST, PORT = "127.0.0.1", 8042
@@ -101,7 +101,7 @@ class Server:
         session = self._left.pop(name, None) or Session(self._stage)
         session.reopen()
         try:
-            await Window(session, partial(_send, line), self._draws, self._answers).live(_events(line))
+            await SessionRunner(session, partial(_send, line), self._draws, self._answers).live(_events(line))
         except ValueError as error:
             await line.close(code=WSCloseCode.POLICY_VIOLATION, message=str(error)[:100].encode())
         self._left[name] = session

@@ -392,7 +392,7 @@ def _line_of(path: str, line: int) -> Iterator[str]:
 REST = 0.12
 
 
-class Window:
+class SessionRunner:
     """A session's pictures and answers, which are sent while events come.
 
     send: takes a message to the window; draws: a thread, for pictures; answers: two, one of which may write a movie. A

@@ -14,7 +14,7 @@ import numpy as np
 
 from cltrace.base.errors import CltraceError, printable
 from cltrace.movie.animate import FPS
-from cltrace.movie.frames import Frame, frames_of
+from cltrace.movie.frames import MovieFrame, frames_of
 from cltrace.picture.image import LIT, SHOWS, Image, Output, Show
 from cltrace.plan.request import Request
 from cltrace.renderers.renderer import SAMPLES, Renderer
@@ -76,7 +76,7 @@ class Frames:
     changes of the last one. Several threads may ask."""
 
     def __init__(self, film: Film, scene: Scene) -> None:
-        self._coming: Iterator[Frame] | None = None
+        self._coming: Iterator[MovieFrame] | None = None
         self._film, self._scene = film, scene
         self._there, self._fault, self._lock = list[Scene](), "", threading.Lock()
 

@@ -19,7 +19,7 @@ from IPython import get_ipython
 
 from cltrace.scene import AnyCamera
 from cltrace.viewer.messages import Event, Message
-from cltrace.viewer.session import Session, Window
+from cltrace.viewer.session import Session, SessionRunner
 from cltrace.viewer.stage import Stage
 
 
@@ -118,7 +118,7 @@ class WindowThread(threading.Thread):
             self._runner.run(self._live(draws, answers))
 
     async def _live(self, draws: ThreadPoolExecutor, answers: ThreadPoolExecutor) -> None:
-        await Window(self._session, self._send, draws, answers).live(self._heard())
+        await SessionRunner(self._session, self._send, draws, answers).live(self._heard())
 
     async def _heard(self) -> AsyncIterator[Event]:
         while event := await self._events.get():

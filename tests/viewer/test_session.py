@@ -25,7 +25,7 @@ from cltrace.formats.reader import read
 from cltrace.renderers.renderer import Renderer
 from cltrace.run.devices import choose
 from cltrace.viewer import cameras
-from cltrace.viewer.messages import Event, Line, Message, lines_of
+from cltrace.viewer.messages import Event, Message, RayLine, lines_of
 from cltrace.viewer.session import PACE, Session, next_divisor
 from cltrace.viewer.stage import VIEWS, Drawn, Phase, Stage
 
@@ -398,7 +398,7 @@ def test_lines_have_an_end(spec: str) -> None:
     assert math.dist(near[1].start, near[1].end) == pytest.approx(5)
 
 
-def kinds_of(lines: list[Line]) -> list[str]:
+def kinds_of(lines: list[RayLine]) -> list[str]:
     return [line.kind for line in lines]
 
 
