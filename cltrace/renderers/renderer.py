@@ -1,12 +1,12 @@
-"""The front door: a scene goes through plan and run, and comes out as an Image."""
+"""A scene goes through plan and run, and comes out as an Image."""
 
 from __future__ import annotations
 
 import threading
 import time
 from collections.abc import Callable
-from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NoReturn
 
 import numpy as np
@@ -26,7 +26,7 @@ from cltrace.plan.precision import precision_for
 from cltrace.plan.request import WIDTHS, Crop, Keep, Region, Request, is_whole
 from cltrace.plan.view import View
 from cltrace.plan.world import Before, World
-from cltrace.run.devices import Device, check_process, choose
+from cltrace.run.devices import Device, check_process, choose, driver_errors
 from cltrace.run.executor import Executor, Frame, Made, bytes_a_pixel
 from cltrace.run.pack.packers import Packer, loading, packer_of
 from cltrace.run.trial import check_driver
@@ -55,6 +55,158 @@ def default_precision(device: Device) -> Precision:
     return "accurate" if device.has_double else "single"
 
 
+@dataclass(frozen=True)
+class _Settings:
+    """What all Renderers that are derived from each other have in common: width: pixels in a packet; precision: the one
+    that was asked for; outputs, effects: of Renderer."""
+
+    device: Device
+    width: int
+    precision: Precision
+    outputs: tuple[Output, ...]
+    effects: tuple[tuple[Any, float] | None, tuple[Any, float, float] | None]
+
+    def composition(self, scene: Scene, truncate: bool) -> Composition:
+        """How images of a scene are made."""
+        return Composition.of(self.outputs, scene, truncate, Effects.of(*self.effects, scene.transfer))
+
+
+@dataclass(frozen=True, eq=False)
+class _Prepared:
+    """A scene on a device, ready to be drawn.
+
+    made: the buffers that the view's arrays lack; packer: what makes further views of the world; probe: what draws the
+    surfaces that effects are made of; seconds: of Renderer. What holds for another scene or crop, too, is shared with
+    it, by identity.
+    """
+
+    settings: _Settings
+    scene: Scene
+    request: Request
+    world: World
+    view: View
+    made: dict[str, Any]
+    packer: Packer
+    plan: Plan
+    executor: Executor
+    seconds: dict[str, float]
+    probe: Renderer | None = None
+
+    @classmethod
+    def of(
+        cls,
+        settings: _Settings,
+        scene: Scene,
+        request: Request,
+        world: World,
+        start: float,
+        before: _Prepared | None = None,
+    ) -> _Prepared:
+        """Makes view, plan and executor. start: time.perf_counter() when the work began; before: see derived()."""
+        worlds, device = passes_of(world, request), settings.device
+        known = before if before and before.plan.request == request else None
+        if len(worlds) == 1 and known and (same := known.view_of(world, scene.camera)):
+            view, made, packer = same, known.made, known.packer
+        else:
+            if known and known.packer.fits(world):
+                packer = known.packer
+            else:
+                kept, again = (before.packer, before.world is world) if before else (None, False)
+                packer = packer_of(world, request, device, kept, again)
+            view, made = packer.view(worlds[0], scene.camera, keep=len(worlds) == 1)
+        plan = Plan.of(world, view, request)
+        packed = time.perf_counter() - start
+
+        def further(some: World) -> Made:
+            """The plan of the pass that adds the lights of `some`, and its buffers."""
+            view, made = packer.view(some, scene.camera, keep=False)
+            return Plan.of(world, view, request), made
+
+        executor = Executor.of(
+            (plan, made), device, settings.width, before.executor if before else None,
+            further=[partial(further, some) for some in worlds[1:]],
+            same=before.executor if before and before.world is world else None,
+        )  # fmt: skip
+        took = plan.seconds if before else world.seconds | plan.seconds
+        seconds = {"pack": packed - sum(took.values()), **took, **executor.seconds}
+        prepared = cls(settings, scene, request, world, view, made, packer, plan, executor, seconds)
+        return replace(prepared, probe=prepared.probe_of(before.probe if before else None))
+
+    def derived(self, scene: Scene, request: Request, start: float) -> _Prepared:
+        """The same of another scene, or with another crop.
+
+        What is shared: the world, if all but the camera is the same object, and else, for the same outputs, what
+        World.of() finds in it. The view: see view_of(), for the same request, which differs from that of the plan after
+        rows(). The packer: for the same request, while it fits. Buffers of arrays that are the same objects. What is
+        known of triangles of the same world. start: see of().
+        """
+        shared, old = share_all_but_camera(self.scene, scene), self.scene
+        if not shared or scene.camera.max_bounces != old.camera.max_bounces:
+            request = replace(request, precision=precision_for(scene, self.settings.precision))
+        world, same = self.world, request.precision == self.request.precision
+        if not same or not shared:
+            alike = (len(old.meshes), bool(old.textures)) == (len(scene.meshes), bool(scene.textures))
+            alike = alike and same and request.outputs == self.request.outputs
+            world = World.of(scene, request, Before(old, world) if alike else None)
+        return _Prepared.of(self.settings, scene, request, world, start, self)
+
+    def view_of(self, world: World, camera: AnyCamera) -> View | None:
+        """This one's view if it is that of a world and a camera, but for materials; else None."""
+        if camera != self.scene.camera:
+            return None
+        if world is self.world:
+            return replace(self.view, seconds={})
+        if world.differs_in_materials(self.world):
+            return replace(self.view.recolored(world, self.plan.request), seconds={})
+        return None
+
+    @property
+    def composition(self) -> Composition:
+        """How images are made."""
+        return self.settings.composition(self.scene, self.request.truncate)
+
+    def probe_of(self, before: Renderer | None) -> Renderer | None:
+        """What draws the surfaces that effects are made of: with antialiasing, as many pixels as fit of PROBES a side.
+
+        They reach beyond the region as far as lines do. before: of what this one is derived from.
+        """
+        effects, (x, y, width, height) = self.composition.effects, self.executor.region
+        if effects is None:
+            return None
+        wide, high = self.scene.camera.resolution
+        most = min(PROBED, MAX_PIXELS)
+        fits = (k for k in PROBES if k * max(wide, high) <= MAX_SIDE and k * k * wide * high <= most)
+        k = next(fits, 1) if self.request.means else 1
+        more = effects.reach(k)
+        low, end = (max(0, x - more), max(0, y - more)), (min(wide, x + width + more), min(high, y + height + more))
+        crop = (k * low[0], k * low[1], k * end[0], k * end[1])
+        scene = self.scene.seen_by(replace(self.scene.camera, resolution=(k * wide, k * high)))
+        if before and before.request.crop == crop:
+            return before.following(scene)
+        return Renderer(scene, self.settings.device, self.request.precision, ("id", "depth"), crop=crop)
+
+    def shares(self) -> Shares:
+        """Where the effects are in this one's region, worked out by bands of rows, to which as many rows belong above
+        and below as lines reach."""
+        effects, probe = self.composition.effects, self.probe
+        assert effects
+        assert probe
+        (x, y, width, height), (left, top, _, _) = self.executor.region, probe.region
+        k = probe.scene.camera.resolution[0] // self.scene.camera.resolution[0]
+        more, last = effects.reach(k), (top + probe.region[3]) // k
+        found, wholes = [], probe.scene.wholes
+        rows = max(1, BAND // (k * k * width))
+        for first in range(y, y + height, rows):
+            end = min(first + rows, y + height)
+            begin = max(top // k, first - more)
+            image = probe.rows(k * begin, k * min(last, end + more)).render(progress=False)
+            part = effects.shares(wholes[image.id], image.depth, k)
+            here = (slice(first - begin, end - begin), slice(x - left // k, x - left // k + width))
+            found.append([share[here] for share in part])
+        line, fog = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        return Shares(line, fog)
+
+
 class Renderer:
     """A scene on a device: program and buffers are kept, so that each render() costs only the kernel and the readback.
 
@@ -81,16 +233,6 @@ class Renderer:
     of a small file's lights take longer than half of the limit of seconds.
     """
 
-    scene: Scene
-    plan: Plan
-    seconds: dict[str, float]
-    _world: World
-    _view: View
-    _made: dict[str, Any]  # the buffers that the view's arrays lack
-    _packer: Packer | None  # None where the view came from another device
-    _executor: Executor
-    _probe: Renderer | None  # what draws the surfaces that effects are made of
-
     def __init__(
         self,
         scene: Scene,
@@ -109,31 +251,27 @@ class Renderer:
         check_process()
         if not isinstance(scene, Scene):
             raise TypeError(f"scene: must be a cltrace.Scene, such as cltrace.load() gives, got {scene!r}")
-        self.device = device if isinstance(device, Device) else choose(device)
-        self._asked, self._effects = outputs, (outline, fog)
-        self._composition = self._composition_of(scene, truncate)
-        self._chosen = precision or default_precision(self.device)
-        how: dict[str, Any] = {"crop": crop, "truncate": truncate, "keep": keep}
-        how["samples"] = samples_of(antialias, samples)
-        request = Request(self._chosen, self._composition.written, **how)
-        self.request = replace(request, precision=precision_for(scene, self._chosen))
-        if self.precision != "single" and not self.device.has_double:
-            raise DeviceError(
-                f"{self.device.name} has no double precision, which --precision {self.precision} needs; "
-                "use --precision single or another device"
-            )
-        self._asked_width = width
+        at = device if isinstance(device, Device) else choose(device)
         if width is not None and (not is_whole(width) or width not in WIDTHS):
             raise ValueError(f"width: must be {', '.join(map(str, WIDTHS))} or None, got {width!r}")
-        self.width = self.device.width if width is None else int(width)
-        check_driver(self.device, self.width)
+        settings = _Settings(
+            at, at.width if width is None else int(width), precision or default_precision(at), outputs, (outline, fog)
+        )
+        how: dict[str, Any] = {"crop": crop, "truncate": truncate, "keep": keep}
+        how["samples"] = samples_of(antialias, samples)
+        request = Request(settings.precision, settings.composition(scene, truncate).written, **how)
+        request = replace(request, precision=precision_for(scene, settings.precision))
+        if request.precision != "single" and not at.has_double:
+            raise DeviceError(
+                f"{at.name} has no double precision, which --precision {request.precision} needs; "
+                "use --precision single or another device"
+            )
+        check_driver(at, settings.width)
         start = time.perf_counter()
-        self._lock = threading.Lock()
-        wait = loading(scene, self.request, self.device)
-        self._world = World.of(scene, self.request)
+        wait = loading(scene, request, at)
+        world = World.of(scene, request)
         wait()
-        self.scene = scene
-        self._see(start)
+        self._lock, self._now = threading.Lock(), _Prepared.of(settings, scene, request, world, start)
 
     def look(self, camera: AnyCamera) -> Renderer:
         """The same scene, seen by another camera, as another Renderer with the same outputs, precision and crop.
@@ -155,15 +293,15 @@ class Renderer:
         check_process()
         if not isinstance(scene, Scene):
             raise TypeError(f"scene: must be a cltrace.Scene, got {scene!r}")
-        start = time.perf_counter()
+        start, now = time.perf_counter(), self._now
         # Others are written where, say, only one of the two backgrounds is transparent.
-        written = self._composition_of(scene, self.request.truncate).written
-        other = self._now()._derived(scene, replace(self.request, outputs=written), self.device, start)
+        written = now.settings.composition(scene, now.request.truncate).written
+        other = now.derived(scene, replace(now.request, outputs=written), start)
         with self._lock:
             # So the next camera finds what lights see, where numpy made this one's view and a device all later ones.
-            if other._world is self._world and other.plan.request == self.plan.request:
-                self._packer = other._packer
-        return other
+            if other.world is self._now.world and other.plan.request == self._now.plan.request:
+                self._now = replace(self._now, packer=other.packer)
+        return _DerivedRenderer(other)
 
     def cropped(self, crop: Crop | None) -> Renderer:
         """Another part of the same picture, as another Renderer; the world and the program are kept.
@@ -171,9 +309,8 @@ class Renderer:
         Raises ValueError if the crop is not within the picture, and else what Renderer raises.
         """
         check_process()
-        start = time.perf_counter()
-        now = self._now()
-        return now._derived(now.scene, replace(self.request, crop=crop), self.device, start)
+        start, now = time.perf_counter(), self._now
+        return _DerivedRenderer(now.derived(now.scene, replace(now.request, crop=crop), start))
 
     def rows(self, first: int, end: int, watch: Stopwatch | None = None) -> Renderer:
         """Rows of the picture that this one draws, before `end`, as another Renderer that makes nothing anew.
@@ -184,11 +321,10 @@ class Renderer:
         x, y, width, height = self.region
         if not y <= first < end <= y + height:
             raise ValueError(f"rows: must be within {y}..{y + height} and not empty, got {first}, {end}")
-        other = self._now()
-        # Its view stays the one of this request, by which _derived() knows that it is of more than these rows.
-        other.request = replace(self.request, crop=(x, first, x + width, end))
-        other._executor = other._executor.of((x, first, width, end - first), watch)
-        return other
+        now, part = self._now, (x, first, width, end - first)
+        # Its view stays the one of this request, by which derived() knows that it is of more than these rows.
+        request = replace(now.request, crop=(x, first, x + width, end))
+        return _DerivedRenderer(replace(now, request=request, executor=now.executor.part(part, watch)))
 
     def update(
         self,
@@ -229,136 +365,44 @@ class Renderer:
         others = {"exponent": exponent, "reflectance": reflectance, "transmittance": transmittance, "index": index}
         given = {name: value for name, value in (places | others).items() if value is not None}
         with self._lock:
-            start = time.perf_counter()
-            other = self._derived(with_spheres(self.scene, given), self.request, self.device, start)
-            other._executor.take_over(self._executor)
-            self.__dict__.update(other.__dict__ | {"_lock": self._lock})
+            start, now = time.perf_counter(), self._now
+            other = now.derived(with_spheres(now.scene, given), now.request, start)
+            self._now = replace(other, executor=other.executor.continuing(now.executor))
         return self
 
-    def _now(self) -> Renderer:
-        """A copy, which stays as this one is now while other threads draw with this one, or update it."""
-        with self._lock:
-            return copy(self)
+    @property
+    def scene(self) -> Scene:
+        """What is drawn."""
+        return self._now.scene
 
-    def _derived(self, scene: Scene, request: Request, device: Device, start: float) -> Renderer:
-        """Another Renderer, of another scene, crop or device: what holds for it, too, is shared by identity.
+    @property
+    def device(self) -> Device:
+        """Where it is drawn."""
+        return self._now.settings.device
 
-        The world: if all but the camera is the same object, and else, for the same outputs, what World.of() finds in
-        it. The view: see
-        _view_of(), for the same request, which differs from that of the plan after rows(); on another device only if
-        numpy made all of it. The packer: for the same request and device, while it fits. Buffers of arrays that are the
-        same objects, and what is known of triangles of the same world: on the same device. start: time.perf_counter()
-        when the work began.
-        """
-        shared = share_all_but_camera(self.scene, scene)
-        if not shared or scene.camera.max_bounces != self.scene.camera.max_bounces:
-            request = replace(request, precision=precision_for(scene, self._chosen))
-        other = copy(self)
-        other.scene, other.request = scene, request
-        other._composition = self._composition_of(scene, request.truncate)
-        if device is not self.device:
-            other.device, other.width = device, self._asked_width or device.width
-            check_driver(device, other.width)
-        same_precision = request.precision == self.precision
-        if not same_precision or not shared:
-            old = self.scene
-            alike = (len(old.meshes), bool(old.textures)) == (len(scene.meshes), bool(scene.textures))
-            alike = alike and same_precision and request.outputs == self.request.outputs
-            before = Before(old, self._world) if alike else None
-            other._world = World.of(scene, request, before)
-        other._see(start, self)
-        return other
+    @property
+    def width(self) -> int:
+        """Pixels in a packet."""
+        return self._now.settings.width
 
-    def _composition_of(self, scene: Scene, truncate: bool) -> Composition:
-        """How images of a scene are made."""
-        return Composition.of(self._asked, scene, truncate, Effects.of(*self._effects, scene.transfer))
+    @property
+    def plan(self) -> Plan:
+        """What the device is given."""
+        return self._now.plan
 
-    def _probe_of(self, before: Renderer | None) -> Renderer | None:
-        """What draws the surfaces that effects are made of: with antialiasing, as many pixels as fit of PROBES a side.
+    @property
+    def request(self) -> Request:
+        """What is wanted of the scene."""
+        return self._now.request
 
-        They reach beyond the region as far as lines do. before: of the Renderer that this one is derived from.
-        """
-        effects, (x, y, width, height) = self._composition.effects, self.region
-        if effects is None:
-            return None
-        wide, high = self.scene.camera.resolution
-        most = min(PROBED, MAX_PIXELS)
-        fits = (k for k in PROBES if k * max(wide, high) <= MAX_SIDE and k * k * wide * high <= most)
-        k = next(fits, 1) if self.request.means else 1
-        more = effects.reach(k)
-        low, end = (max(0, x - more), max(0, y - more)), (min(wide, x + width + more), min(high, y + height + more))
-        crop = (k * low[0], k * low[1], k * end[0], k * end[1])
-        scene = self.scene.seen_by(replace(self.scene.camera, resolution=(k * wide, k * high)))
-        if before and before.device is self.device and before.request.crop == crop:
-            return before.following(scene)
-        return Renderer(scene, self.device, self.precision, ("id", "depth"), crop=crop)
+    @property
+    def seconds(self) -> dict[str, float]:
+        """What took how long, by "pack", "lists", "build" and "upload"."""
+        return self._now.seconds
 
-    def _shares(self) -> Shares:
-        """Where the effects are in this one's region, worked out by bands of rows, to which as many rows belong above
-        and below as lines reach."""
-        effects, probe = self._composition.effects, self._probe
-        assert effects
-        assert probe
-        (x, y, width, height), (left, top, _, _) = self.region, probe.region
-        k = probe.scene.camera.resolution[0] // self.scene.camera.resolution[0]
-        more, last = effects.reach(k), (top + probe.region[3]) // k
-        found, wholes = [], probe.scene.wholes
-        rows = max(1, BAND // (k * k * width))
-        for first in range(y, y + height, rows):
-            end = min(first + rows, y + height)
-            begin = max(top // k, first - more)
-            image = probe.rows(k * begin, k * min(last, end + more)).render(progress=False)
-            part = effects.shares(wholes[image.id], image.depth, k)
-            here = (slice(first - begin, end - begin), slice(x - left // k, x - left // k + width))
-            found.append([share[here] for share in part])
-        line, fog = (np.concatenate(parts) for parts in zip(*found, strict=True))
-        return Shares(line, fog)
-
-    def _see(self, start: float, before: Renderer | None = None) -> None:
-        """Makes view, plan and executor. before, start: what this one is derived from, and when, see _derived()."""
-        near = before if before and before.device is self.device else None
-        known = before if before and before.plan.request == self.request and (near or not before._made) else None
-        worlds = passes_of(self._world, self.request)
-        if len(worlds) == 1 and known and (view := known._view_of(self._world, self.scene.camera)):
-            self._view, self._made, self._packer = view, known._made, known._packer if near else None
-        else:
-            packer = known._packer if known and near else None
-            if packer is None or not packer.fits(self._world):
-                kept, again = (near._packer, near._world is self._world) if near else (None, False)
-                packer = packer_of(self._world, self.request, self.device, kept, again)
-            self._packer = packer
-            self._view, self._made = packer.view(worlds[0], self.scene.camera, keep=len(worlds) == 1)
-        self.plan = Plan.of(self._world, self._view, self.request)
-        packed = time.perf_counter() - start
-        further = [self._pass_of(world) for world in worlds[1:]]
-        made = self.plan, self._made
-        self._executor = Executor(made, self.device, self.width, near._executor if near else None, further)
-        if near and near._world is self._world:
-            self._executor.know(near._executor)
-        self._probe = self._probe_of(before._probe if before else None)
-        seconds = self.plan.seconds if before else self._world.seconds | self.plan.seconds
-        self.seconds = {"pack": packed - sum(seconds.values()), **seconds, **self._executor.seconds}
-
-    def _pass_of(self, some: World) -> Callable[[], Made]:
-        """What makes the plan of the pass that adds the lights of `some`, and its buffers."""
-        world, packer, camera, request = self._world, self._packer, self.scene.camera, self.request
-
-        def make() -> Made:
-            assert packer is not None
-            view, made = packer.view(some, camera, keep=False)
-            return Plan.of(world, view, request), made
-
-        return make
-
-    def _view_of(self, world: World, camera: AnyCamera) -> View | None:
-        """This one's view if it is that of a world and a camera, but for materials; else None."""
-        if camera != self.scene.camera:
-            return None
-        if world is self._world:
-            return replace(self._view, seconds={})
-        if world.differs_in_materials(self._world):
-            return replace(self._view.recolored(world, self.plan.request), seconds={})
-        return None
+    @property
+    def _executor(self) -> Executor:
+        return self._now.executor
 
     @property
     def precision(self) -> Precision:
@@ -386,11 +430,6 @@ class Renderer:
             counts += f", {len(self.scene.meshes)} meshes"
         return f"<cltrace.Renderer {size}: {counts}, {self.precision} precision, on {self.device.name}>"
 
-    def __copy__(self) -> Renderer:
-        other = object.__new__(type(self))
-        other.__dict__.update(self.__dict__, _lock=threading.Lock())
-        return other
-
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         raise TypeError(
             "a Renderer cannot be pickled, since its device's buffers stay with their process: pickle its scene, and "
@@ -413,7 +452,8 @@ class Renderer:
     def draw(self, drawn: Callable[[int], object], out: Image | None = None) -> Image:
         """As render(), but calls drawn(n) after every n rows, and drawn(0) after stop(); what that raises ends it."""
         check_process()
-        with self._lock, (executor := self._executor).driver_errors():
+        with self._lock, driver_errors(self.device):
+            executor = self._executor
             if out is not None and (
                 not isinstance(out, Image) or getattr(out.frame, "owner", None) is not executor.room
             ):
@@ -432,9 +472,10 @@ class Renderer:
 
     def _image(self, arrays: dict[str, NDArray[Any]], seconds: dict[str, float], frame: Frame | None = None) -> Image:
         """An Image of what the kernel has written."""
-        written = self._composition.with_effects(arrays, self._shares()) if self._probe else arrays
-        found = self._composition.composed(written)
-        return Image(**found, seconds=self.seconds | seconds, frame=frame, transfer=self.scene.transfer)
+        now = self._now
+        written = now.composition.with_effects(arrays, now.shares()) if now.probe else arrays
+        found = now.composition.composed(written)
+        return Image(**found, seconds=now.seconds | seconds, frame=frame, transfer=now.scene.transfer)
 
     def work(self) -> dict[str, int]:
         """How often a frame does what is worth counting, in words: renders it once more, with a kernel that counts.
@@ -443,8 +484,15 @@ class Renderer:
         DeviceError and BuildError as Renderer does.
         """
         check_process()
-        with self._lock, self._executor.driver_errors():
+        with self._lock, driver_errors(self.device):
             return self._executor.work()
+
+
+class _DerivedRenderer(Renderer):
+    """One that was derived from another one."""
+
+    def __init__(self, prepared: _Prepared) -> None:
+        self._lock, self._now = threading.Lock(), prepared
 
 
 def render(

@@ -5,8 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -18,13 +17,12 @@ from cltrace.base.arrays import LARGE, begins_on_page, empty
 from cltrace.base.errors import TooManyRaysError, TooSlowError
 from cltrace.base.limits import MAX_SECONDS, SAMPLES_A_PICTURE
 from cltrace.base.waiting import Announcement, Stopwatch, interruptible
-from cltrace.plan.abi import CONSTANTS, COUNTERS, OUTPUTS, Precision, arguments_of, dtype_of
+from cltrace.plan.abi import CONSTANTS, COUNTERS, OUTPUTS, Argument, Precision, arguments_of, dtype_of
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import WIDTHS, Region
 from cltrace.run.devices import Device, check_sizes, driver_errors
 from cltrace.run.kernel_arguments import BUFFER, argument, dtypes_of
 from cltrace.run.program import Kernel, context_of, program
-from cltrace.run.undecided import BOTH, FIRST, Undecided, is_in_stages
 from cltrace.run.unstoppable import Unstoppable
 
 
@@ -52,6 +50,8 @@ PATIENCE, FIRST_ROWS = 0.25, 64
 Made = tuple[Plan, dict[str, Any]]
 # Values of the kernel's argument `last`: later than any pixel, and before all.
 ALL, OVER = np.iinfo(np.int32).max, np.iinfo(np.int32).min
+# Flags of both programs, and of the first one alone.
+BOTH, FIRST = "IN_STAGES", "WITHOUT_RARE"
 
 
 def margin_of(region: Region) -> tuple[int, int]:
@@ -105,6 +105,58 @@ class Last:
         return int(self._own[0])
 
 
+def is_in_stages(width: int, precision: Precision) -> bool:
+    """Whether packets of this width are drawn so. In vectors, other lanes wait for what one needs anyway."""
+    return width == 1 and precision != "single"
+
+
+class Undecided:
+    """Pixels that double cannot decide, on devices that render one pixel in each work-item, of one launch after the
+    other.
+
+    What decides them takes registers and memory of all work-items of a program, also where none of them needs it. So
+    two programs are made of the kernel's text. The first one has nothing of that, and marks the pixels that it leaves;
+    the second one has everything, and draws those. It is compiled once there is such a pixel.
+
+    options: of the program that draws them; device: where; dtypes: of its parameters. marks: the kernels' argument
+    `undecided`; compiles: whether that program is being compiled.
+    """
+
+    def __init__(self, queue: Any, device: Device, options: list[str], dtypes: Sequence[Any]) -> None:
+        self.queue, self._device, self._options, self._dtypes = queue, device, options, dtypes
+        self._first = np.empty(1, np.uint8)
+        self._drawer: Kernel | None = None
+        self.marks: Any = None
+        self.compiles = False
+
+    def begin(self, items: int) -> None:
+        """Before the first program is started with so many work-items: none is marked."""
+        size = 1 + items
+        if self.marks is None or self.marks.size < size:
+            self.marks = cl.Buffer(self.queue.context, cl.mem_flags.READ_WRITE, size)
+        cl.enqueue_fill_buffer(self.queue, self.marks, np.zeros(1, np.uint8), 0, size)
+
+    def any(self) -> bool:
+        """Whether it has left a pixel, once it is done."""
+        cl.enqueue_copy(self.queue, self._first, self.marks)
+        return bool(self._first[0])
+
+    def drawer(self) -> Kernel:
+        """What draws them."""
+        if self._drawer is None:
+            self._drawer = program(self._device, self._options).kernel(self._dtypes)
+        return self._drawer
+
+    @contextmanager
+    def compiling(self) -> Iterator[None]:
+        """While it lasts, that program may be being compiled."""
+        self.compiles = True
+        try:
+            yield
+        finally:
+            self.compiles = False
+
+
 @dataclass(eq=False)
 class Frame:
     """Room for the outputs of one frame, which are whole packets.
@@ -122,66 +174,150 @@ class Frame:
     exponent: int = 0
 
 
+@dataclass(frozen=True)
+class BuiltKernel:
+    """The kernel of a plan. arguments: of abi, in their order; types: of each one; undecided: None where one program
+    draws all pixels."""
+
+    kernel: Kernel
+    arguments: list[Argument]
+    types: dict[str, str]
+    undecided: Undecided | None
+
+    @classmethod
+    def of(cls, plan: Plan, device: Device, width: int, queue: Any) -> BuiltKernel:
+        """Raises BuildError."""
+        features, precision = plan.features, plan.request.precision
+        options = [
+            *(f"-D{flag}" for flag in (f"W={width}", f"RUN={PACKETS[width].run}", *device.flags)),
+            *plan.options(),
+        ]
+        in_stages = is_in_stages(width, precision)
+        if in_stages:
+            features, options = features | {BOTH}, [*options, f"-D{BOTH}"]
+        real, arguments = "float" if precision == "single" else "double", arguments_of(features)
+        types = {a.name: a.type.replace("real", real) if a.kind == "value" else BUFFER for a in arguments}
+        dtypes = dtypes_of(types.values())
+        undecided = Undecided(queue, device, options, dtypes) if in_stages else None
+        kernel = program(device, [*options, f"-D{FIRST}"] if in_stages else options).kernel(dtypes)
+        return cls(kernel, arguments, types, undecided)
+
+    def value(self, name: str, value: Any) -> Any:
+        """An argument that is no buffer."""
+        return argument(self.types[name], value[()] if isinstance(value, np.ndarray) else value)
+
+    def values(self, plan: Plan) -> dict[str, Any]:
+        """Those of a plan."""
+        there = [a.name for a in self.arguments if a.kind == "value" and a.name in plan.values]
+        return {name: self.value(name, plan.values[name]) for name in there}
+
+
+@dataclass(eq=False)
+class Pace:
+    """How many rows a launch has: so many that it takes about PATIENCE."""
+
+    rows: int = FIRST_ROWS
+
+    def took(self, seconds: float, full: bool, lines: int) -> None:
+        """After a launch. full: whether it had all of `rows`; lines: of which these are multiples."""
+        if seconds > PATIENCE:
+            least = max(16, lines)
+            self.rows = max(least, self.rows // (2 * least) * least)
+        elif seconds < PATIENCE / 4 and full:  # else it was short because little was left
+            self.rows *= 4 if seconds < PATIENCE / 16 else 2
+
+
+@dataclass(eq=False)
 class Executor:
     """A plan on a device, built and uploaded: draw() renders a frame() and read() brings back its arrays.
 
-    made: what to render; device: where; width: pixels in a packet, one of WIDTHS; before: an executor on the same
-    device, whose buffers are used again for the arrays that its plan shares with this one; further: what makes each of
-    the passes that follow this one, with the same features and outputs, see plan/passes.py. seconds: what "build" and
-    "upload" took. The plan's arrays are not to change. For one thread at a time.
-
-    Raises BuildError if the kernel does not build, and DeviceError if the driver fails or has not enough memory.
+    plan: its arrays are not to change; width: pixels in a packet, one of WIDTHS; region: x, y, width, height of what is
+    rendered, in pixels; built: the kernel; buffers, values: its arguments that no launch changes; last, watch: to stop
+    it, and to know how long drawing takes; limited: the region that one limit of seconds is for; further: what makes
+    each of the passes that follow this one, with the same features and outputs, see plan/passes.py; started: whether
+    this is one of those; unstoppable: what is known of triangles, None where nothing is asked; room: owns the frames
+    that it draws into; seconds: what "build" and "upload" took. For one thread at a time.
     """
 
-    def __init__(
-        self,
+    plan: Plan
+    device: Device
+    width: int
+    region: Region
+    queue: Any
+    built: BuiltKernel
+    buffers: dict[str, Any]
+    values: dict[str, Any]
+    last: Last
+    watch: Stopwatch
+    limited: Region
+    further: Sequence[Callable[[], Made]] = ()
+    started: bool = False
+    unstoppable: Unstoppable | None = None
+    seconds: dict[str, float] = field(default_factory=dict)
+    pace: Pace = field(default_factory=Pace)
+    room: object = field(default_factory=object)
+
+    @classmethod
+    def of(
+        cls,
         made: Made,
         device: Device,
         width: int,
         before: Executor | None = None,
         further: Sequence[Callable[[], Made]] = (),
-    ) -> None:
-        (self.plan, _), self.device, self.width, self.packet = made, device, width, PACKETS[width]
-        self._further, self._started = further, False
-        self.seconds: dict[str, float] = {}
-        self._watch = Stopwatch(own=device.kind == "cpu")
-        self.room = object()
-        self._rows = FIRST_ROWS
-        self._move_to(self.plan.region)
-        with self._timed("build"), self.driver_errors(), Announcement("compiling the kernel ..."):
-            self._context: Any = context_of(device.cl)
-            self._queue: Any = cl.CommandQueue(self._context)
-            self._build()
-        self._last = Last(self._context, device, "WITH_CEILING" in self.plan.features)
-        with self._timed("upload"), self.driver_errors():
-            self._upload(made, before)
-            if "WITH_TRIANGLES" in self.plan.features:
-                self.buffers["plane"] = self._zeros(4 * max(self.plan.values["triangles"], 1))
-            self._unstoppable = Unstoppable(self.plan, device) if "WITH_UNSTOPPABLE" in self.plan.features else None
-            self._queue.finish()
-        with self._timed("build"), self.driver_errors(), Announcement("compiling the kernel ..."):
-            self._launch_first(self._kernel)
+        same: Executor | None = None,
+    ) -> Executor:
+        """Builds and uploads a plan.
 
-    def take_over(self, before: Executor) -> None:
-        """Draws into the frames of an executor with the same width, for the same request and region, and as it did."""
-        self.room, self._rows = before.room, before._rows
+        before: an executor on the same device, whose buffers are used again for the arrays that its plan shares with
+        this one; same: one of the same scene, which another camera sees. Raises BuildError if the kernel does not
+        build, and DeviceError if the driver fails or has not enough memory.
+        """
+        plan, seconds = made[0], dict[str, float]()
+        with _timed(seconds, "build"), driver_errors(device), Announcement("compiling the kernel ..."):
+            queue: Any = cl.CommandQueue(context_of(device.cl))
+            built = BuiltKernel.of(plan, device, width, queue)
+        last = Last(queue.context, device, "WITH_CEILING" in plan.features)
+        with _timed(seconds, "upload"), driver_errors(device):
+            buffers = _uploaded(made, device, queue, before) | {"last": last.buffer}
+            if "WITH_TRIANGLES" in plan.features:
+                size = 4 * max(plan.values["triangles"], 1)
+                buffers["plane"] = cl.Buffer(queue.context, cl.mem_flags.READ_WRITE, size)
+                cl.enqueue_fill_buffer(queue, buffers["plane"], np.zeros(1, np.int32), 0, size)
+            unstoppable = None
+            if "WITH_UNSTOPPABLE" in plan.features:
+                unstoppable = Unstoppable(plan, device, same.unstoppable if same else None)
+            queue.finish()
+        watch, region = Stopwatch(own=device.kind == "cpu"), plan.region
+        executor = cls(
+            plan, device, width, region, queue, built, buffers, built.values(plan), last, watch, limited=region,
+            further=further, unstoppable=unstoppable, seconds=seconds,
+        )  # fmt: skip
+        with _timed(seconds, "build"), driver_errors(device), Announcement("compiling the kernel ..."):
+            executor._launch_first(built.kernel)
+        return executor
 
-    def know(self, before: Executor) -> None:
-        """Shares what is known of triangles with an executor of the same scene, which another camera sees."""
-        if self._unstoppable and before._unstoppable:
-            self._unstoppable = Unstoppable(self.plan, self.device, before._unstoppable)
+    def continuing(self, before: Executor) -> Executor:
+        """The same, but drawing into the frames of an executor with the same width, request and region, as it did."""
+        return replace(self, room=before.room, pace=before.pace)
 
-    def of(self, region: Region, watch: Stopwatch | None = None) -> Executor:
-        """Draws a part of the same region, with the same buffers. Not while another thread draws with this one.
+    def part(self, region: Region, watch: Stopwatch | None = None) -> Executor:
+        """What draws a part of the same region, with the same buffers. Not while another thread draws with this one.
 
         watch: of all parts of a picture, which together may take the seconds that this region may; halted.
         """
-        other = copy(self)
-        other.room = object()
-        other._move_to(region)
-        if watch:
-            other._watch, other._of_limit = watch, self._of_limit
-        return other
+        limit = (watch, self.limited) if watch else (self.watch, region)
+        pace = Pace(self.pace.rows)
+        return replace(self, region=region, watch=limit[0], limited=limit[1], room=object(), pace=pace)
+
+    @property
+    def packet(self) -> Packet:
+        return PACKETS[self.width]
+
+    @property
+    def _margin(self) -> tuple[int, int]:
+        """A frame has it, too, as no packet may be in two tiles."""
+        return margin_of(self.region)
 
     def frame(self) -> Frame:
         """Room for one frame. Its arrays hold nothing yet."""
@@ -196,14 +332,14 @@ class Executor:
         # On a CPU the kernel writes straight into the host's arrays.
         write, use = cl.mem_flags.WRITE_ONLY, cl.mem_flags.USE_HOST_PTR
         buffers = {
-            n: cl.Buffer(self._context, write | use, hostbuf=a)
+            n: cl.Buffer(self.queue.context, write | use, hostbuf=a)
             if self.device.kind == "cpu"
-            else cl.Buffer(self._context, write, a.nbytes)
+            else cl.Buffer(self.queue.context, write, a.nbytes)
             for n, a in arrays.items()
         }
         if "WITH_PASSES" in self.plan.features:
             size = height * width * dtype_of("shade4", precision).itemsize
-            buffers["so_far"] = cl.Buffer(self._context, cl.mem_flags.READ_WRITE, size)
+            buffers["so_far"] = cl.Buffer(self.queue.context, cl.mem_flags.READ_WRITE, size)
         return Frame(self.room, width=width, height=height, arrays=arrays, buffers=buffers)
 
     def draw(self, frame: Frame, drawn: Callable[[int], object] = lambda rows: None) -> None:
@@ -214,50 +350,56 @@ class Executor:
         with 0 in others and where it was stopped; what that raises ends it. Raises TooManyRaysError after the strip in
         which that happened, and TooSlowError soon after the limit of seconds.
         """
-        if self._of_limit == self.region:
-            self._watch.begin()
+        if self.limited == self.region:
+            self.watch.begin()
         else:
-            self._watch.go_on()
+            self.watch.go_on()
         strips: Iterable[range] = self._strips(frame)
         try:
             for number, part in enumerate(self._passes()):
-                told = drawn if number == len(self._further) else lambda rows: drawn(0)
+                told = drawn if number == len(self.further) else lambda rows: drawn(0)
                 strips = part._draw(frame, strips, told)
                 del part  # The next one has room in its place.
                 if not strips:
                     return
         finally:
-            self._watch.halt()
+            self.watch.halt()
 
     def _passes(self) -> Iterator[Executor]:
         """This one, and those that follow it, each of which is made when it is asked for, and not kept."""
         yield self
-        for make in self._further:
-            other = copy(self)
-            with self._watch.stopped():
-                other._upload(make(), self)
-            other.buffers, other._started = self.buffers | other.buffers, True
-            yield other
-            del other
+        for make in self.further:
+            with self.watch.stopped():
+                made = make()
+                buffers = self.buffers | _uploaded(made, self.device, self.queue, self)
+            yield replace(
+                self,
+                plan=made[0],
+                buffers=buffers,
+                values=self.built.values(made[0]),
+                started=True,
+                pace=Pace(self.pace.rows),
+            )
+            del made, buffers
 
     def _strips(self, frame: Frame) -> Iterator[range]:
         """The rows of a frame in strips, each as large as the time that the last one took allows."""
         most = max(64, STRIP // frame.width // 64 * 64)
         rows = range(self.region[3] + self._margin[1])
         while rows:
-            size = min(self._rows, most)
+            size = min(self.pace.rows, most)
             yield rows[:size]
             rows = rows[size:]
 
     def _draw(self, frame: Frame, strips: Iterable[range], drawn: Callable[[int], object]) -> list[range]:
         """Renders these strips in one pass, and returns them."""
-        if self._unstoppable:
-            self._unstoppable.find(self._context, self._queue, self.buffers)
+        if self.unstoppable:
+            self.unstoppable.find(self.queue, self.buffers)
         (x, y), (x0, y0, width, height) = self._margin, self.region
         region, done = (x0 - x, y0 - y, width + x, height + y), []
         frame.exponent = self.plan.exponent
-        self._last.begin(self._queue)
-        with interruptible(self._last.stop, self._advice, self._is_late) as begin:
+        self.last.begin(self.queue)
+        with interruptible(self.last.stop, self._advice, self._is_late) as begin:
             for strip in strips:
                 count = (frame.height if strip.stop == region[3] else strip.stop) - strip.start
                 begin()
@@ -265,18 +407,14 @@ class Executor:
                 self._check_overgrown()
                 drawn(len(strip))
                 done.append(strip)
-                if self._unstoppable:
-                    self._unstoppable.drawn(len(strip) * width)
-                if seconds > PATIENCE:
-                    least = max(16, self._lines)
-                    self._rows = max(least, self._rows // (2 * least) * least)
-                elif seconds < PATIENCE / 4 and count == self._rows:  # else it was short because little was left
-                    self._rows *= 4 if seconds < PATIENCE / 16 else 2
+                if self.unstoppable:
+                    self.unstoppable.drawn(len(strip) * width)
+                self.pace.took(seconds, count == self.pace.rows, self._lines)
         return done
 
     def stop(self) -> None:
         """Has a draw() of another thread call its `drawn` soon; if there is none, the next one."""
-        self._last.stop()
+        self.last.stop()
 
     def read(self, frame: Frame) -> dict[str, NDArray[Any]]:
         """The outputs by name, as host arrays of exactly the region's size, (h, w) or (h, w, channels).
@@ -287,11 +425,11 @@ class Executor:
         out = {}
         for name, array in frame.arrays.items():
             if self.device.kind != "cpu":
-                cl.enqueue_copy(self._queue, array, frame.buffers[name])
+                cl.enqueue_copy(self.queue, array, frame.buffers[name])
             x, y = self._margin
             view = array[y : y + self.region[3], x : x + self.region[2]]
             out[name] = view[..., 0] if OUTPUTS[name].channels == 1 else view
-        self._queue.finish()
+        self.queue.finish()
         if "depth" in out and out["depth"].dtype == np.float32:
             # In scene units a distance may exceed float32's range.
             out["depth"] = np.ldexp(out["depth"].astype(np.float64), frame.exponent)
@@ -305,39 +443,21 @@ class Executor:
         x, y, width, height = self.region
         total, rows = np.zeros(len(COUNTERS), np.int64), max(1, STRIP // width)
         for part in self._passes():
-            counter = part.of(self.region)
-            counter.plan, counter._further = part.plan.counting(), ()
-            counter._build()
-            counter._launch_first(counter._kernel)
+            plan = part.plan.counting()
+            built = BuiltKernel.of(plan, self.device, self.width, self.queue)
+            counter = replace(part, plan=plan, built=built, values=built.values(plan), further=())
+            counter._launch_first(built.kernel)
             for row in range(0, height, rows):
-                counter._move_to((x, y + row, width, min(rows, height - row)))
-                frame = counter.frame()
-                counter.draw(frame)
-                total += counter.read(frame)["work"].sum(axis=(0, 1), dtype=np.int64)
-            del part, counter
+                strip = counter.part((x, y + row, width, min(rows, height - row)))
+                frame = strip.frame()
+                strip.draw(frame)
+                total += strip.read(frame)["work"].sum(axis=(0, 1), dtype=np.int64)
+            del part, counter, strip
         return dict(zip(COUNTERS.values(), total.tolist(), strict=True))
-
-    @contextmanager
-    def driver_errors(self) -> Iterator[None]:
-        """See driver_errors() of a device."""
-        with driver_errors(self.device):
-            yield
-
-    @contextmanager
-    def _timed(self, name: str) -> Iterator[None]:
-        start = time.perf_counter()
-        yield
-        self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
-
-    def _move_to(self, region: Region) -> None:
-        """Renders this part of the picture from now on: x, y, width, height in pixels."""
-        self.region = self._of_limit = region  # one limit of seconds is for all of this, see of()
-        # A frame has it, too, as no packet may be in two tiles.
-        self._margin = margin_of(region)
 
     def _check_overgrown(self) -> None:
         """Raises TooManyRaysError if the kernel has noted a pixel."""
-        if (last := self._last.read(self._queue)) == ALL:
+        if (last := self.last.read(self.queue)) == ALL:
             return
         size, (columns, rows) = self.plan.size, (self.packet.columns, self.packet.rows)
         number, lane = divmod(last, self.width)
@@ -345,62 +465,20 @@ class Executor:
         pixel = (column * columns + lane % columns, row * rows + lane // columns)
         raise TooManyRaysError(pixel, CONSTANTS["MOST_RAYS"], self.plan.values["bounces"])
 
-    def _buffer(self, array: NDArray[Any]) -> Any:
-        flags = cl.mem_flags
-        # A CPU's driver reads the array itself, if it is one that is there for that.
-        use = flags.USE_HOST_PTR if self.device.kind == "cpu" and begins_on_page(array) else flags.COPY_HOST_PTR
-        return cl.Buffer(self._context, flags.READ_ONLY | use, hostbuf=np.ascontiguousarray(array))
-
-    def _zeros(self, count: int) -> Any:
-        """A buffer of so many bytes, all 0, that the kernel may change."""
-        buffer = cl.Buffer(self._context, cl.mem_flags.READ_WRITE, count)
-        cl.enqueue_fill_buffer(self._queue, buffer, np.zeros(1, np.int32), 0, count)
-        return buffer
-
-    def _upload(self, made: Made, before: Executor | None) -> None:
-        """Makes the kernel's arguments that no launch changes."""
-        self.plan, buffers = made
-        arrays, kept = self.plan.arrays, before.plan.arrays if before else {}
-        check_sizes(self.device, {name: (len(array), array.nbytes) for name, array in arrays.items()})
-        self.buffers: dict[str, Any] = {
-            name: before.buffers[name] if before and array is kept.get(name) else self._buffer(array)
-            for name, array in arrays.items()
-        } | buffers
-        self.buffers["last"] = self._last.buffer
-        self._values = {
-            a.name: self._value(a.name, self.plan.values[a.name])
-            for a in self._arguments
-            if a.kind == "value" and a.name in self.plan.values
-        }
-
-    def _build(self) -> None:
-        """Makes the kernel of the plan."""
-        features, flags = self.plan.features, (f"W={self.width}", f"RUN={self.packet.run}", *self.device.flags)
-        options = [*(f"-D{flag}" for flag in flags), *self.plan.options()]
-        in_stages = is_in_stages(self.width, self.plan.request.precision)
-        if in_stages:
-            features, options = features | {BOTH}, [*options, f"-D{BOTH}"]
-        real = "float" if self.plan.request.precision == "single" else "double"
-        self._arguments = arguments_of(features)
-        self._types = {a.name: a.type.replace("real", real) if a.kind == "value" else BUFFER for a in self._arguments}
-        dtypes = dtypes_of(self._types.values())
-        self._undecided = Undecided(self._queue, self.device, options, dtypes) if in_stages else None
-        self._kernel = program(self.device, [*options, f"-D{FIRST}"] if in_stages else options).kernel(dtypes)
-
     def _launch_first(self, kernel: Kernel) -> None:
         """Has PoCL generate the code, by a launch that returns at once, of the same local size as others."""
         x, y, _, _ = self.region
-        small = self.of((x, y, 1, 1))
+        small = self.part((x, y, 1, 1))
         kernel.launch_first(
             self.packet.group, lambda: small._launch(kernel, small.frame(), (0, 0, 0, 0), row=0, rows=1)
         )
 
     def _render(self, frame: Frame, region: Region, row: int, rows: int) -> None:
         """Starts the kernel for `rows` rows of a region from `row` on, and what draws the pixels that it leaves."""
-        self._launch(self._kernel, frame, region, row=row, rows=rows)
-        if self._undecided and self._undecided.any() and not self._last.stopped:
-            with self._undecided.compiling(), self._watch.stopped():
-                kernel = self._undecided.drawer()
+        self._launch(self.built.kernel, frame, region, row=row, rows=rows)
+        if self.built.undecided and self.built.undecided.any() and not self.last.stopped:
+            with self.built.undecided.compiling(), self.watch.stopped():
+                kernel = self.built.undecided.drawer()
                 self._launch_first(kernel)
             self._launch(kernel, frame, region, row=row, rows=rows)
         if self.device.kind == "cpu":
@@ -413,15 +491,15 @@ class Executor:
         """
         for name, array in frame.arrays.items():
             mapped, _ = cl.enqueue_map_buffer(
-                self._queue, frame.buffers[name], cl.map_flags.READ, 0, array.shape, array.dtype, is_blocking=False
+                self.queue, frame.buffers[name], cl.map_flags.READ, 0, array.shape, array.dtype, is_blocking=False
             )
-            mapped.base.release(self._queue)
+            mapped.base.release(self.queue)
 
     def _advice(self) -> str:
         """What to say where a strip takes long: which numbers could be lower."""
-        if self._undecided and self._undecided.compiles:
+        if self.built.undecided and self.built.undecided.compiles:
             return "compiling what draws the pixels that double cannot decide"
-        return f"drawing is slow: no {self._rows} rows in a second; lower {self._lower()}"
+        return f"drawing is slow: no {self.pace.rows} rows in a second; lower {self._lower()}"
 
     def _lower(self) -> str:
         """Which numbers could be lower for a picture to take less time."""
@@ -432,37 +510,37 @@ class Executor:
             "the resolution": "x".join(map(str, self.plan.size)),
         }
         lower = ", or ".join(f"{name}, which is {number}" for name, number in numbers.items() if number)
-        lights = ", or have fewer lights" if self._further else ""
+        lights = ", or have fewer lights" if self.further else ""
         return lower + lights
 
     @property
     def _most_seconds(self) -> float:
         """How long drawing may take, with other parts where they have one limit."""
-        samples = self._of_limit[2] * self._of_limit[3] * (self.plan.request.samples or 1)
+        samples = self.limited[2] * self.limited[3] * (self.plan.request.samples or 1)
         return MAX_SECONDS * max(1.0, samples / SAMPLES_A_PICTURE)
 
     def _is_late(self) -> bool:
         """Whether drawing has taken so long, without compilers, which take the time that they take."""
-        compiles = self._undecided is not None and self._undecided.compiles
-        return not compiles and self._watch.seconds() >= self._most_seconds
+        compiles = self.built.undecided is not None and self.built.undecided.compiles
+        return not compiles and self.watch.seconds() >= self._most_seconds
 
     def _seconds_of(self, launch: Callable[[], Any], drawn: Callable[[int], object]) -> float:
         """Launches the kernel, again if it is stopped and drawn(0) raises nothing, and says how long it took."""
         while True:
-            if self._last.stopped:
-                self._last.reset(self._queue)
+            if self.last.stopped:
+                self.last.reset(self.queue)
                 drawn(0)
             if self._is_late():
                 raise TooSlowError(self._most_seconds, self._lower())
             start = time.perf_counter()
             try:
                 launch()
-                self._queue.finish()
+                self.queue.finish()
             except BaseException:  # nothing may be written into arrays that nobody holds any more
-                self._last.stop()
-                self._queue.finish()
+                self.last.stop()
+                self.queue.finish()
                 raise
-            if not self._last.stopped:
+            if not self.last.stopped:
                 return time.perf_counter() - start
 
     @property
@@ -478,22 +556,41 @@ class Executor:
         columns, lines = self.packet.run * self.packet.columns, self._lines
         packets = (-(-frame.width // columns), -(-rows // lines))
         grid = tuple(-(-n // g) * g for n, g in zip(packets, self.packet.group, strict=True))
-        if self._undecided:
-            if kernel is self._kernel:
-                self._undecided.begin(grid[0] * grid[1])
-            self.buffers["undecided"] = self._undecided.marks
-        proved = self._unstoppable.lights if self._unstoppable else 0
+        if self.built.undecided:
+            if kernel is self.built.kernel:
+                self.built.undecided.begin(grid[0] * grid[1])
+            self.buffers["undecided"] = self.built.undecided.marks
+        proved = self.unstoppable.lights if self.unstoppable else 0
         of_launch = {"region": region, "row": row, "pitch": frame.width, "margin": self._margin}
-        of_launch |= {"proved": proved, "started": int(self._started)}
+        of_launch |= {"proved": proved, "started": int(self.started)}
         # An output that nobody asked for is never written, but must be some buffer.
         outputs = {name: frame.buffers.get(name, self.buffers["power"]) for name in OUTPUTS}
         buffers = self.buffers | outputs | {name: frame.buffers[name] for name in frame.buffers.keys() - OUTPUTS}
-        values = self._values | {
-            a.name: self._value(a.name, of_launch[a.name]) for a in self._arguments if a.name in of_launch
+        values = self.values | {
+            a.name: self.built.value(a.name, of_launch[a.name]) for a in self.built.arguments if a.name in of_launch
         }
-        arguments = (values[a.name] if a.kind == "value" else buffers[a.name] for a in self._arguments)
-        return kernel.start(self._queue, grid, self.packet.group, arguments)
+        arguments = (values[a.name] if a.kind == "value" else buffers[a.name] for a in self.built.arguments)
+        return kernel.start(self.queue, grid, self.packet.group, arguments)
 
-    def _value(self, name: str, value: Any) -> Any:
-        """An argument that is no buffer."""
-        return argument(self._types[name], value[()] if isinstance(value, np.ndarray) else value)
+
+@contextmanager
+def _timed(seconds: dict[str, float], name: str) -> Iterator[None]:
+    start = time.perf_counter()
+    yield
+    seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - start
+
+
+def _uploaded(made: Made, device: Device, queue: Any, before: Executor | None) -> dict[str, Any]:
+    """The kernel's arguments that are buffers and that no launch changes. before: see Executor.of()."""
+    arrays, kept, flags = made[0].arrays, before.plan.arrays if before else {}, cl.mem_flags
+    check_sizes(device, {name: (len(array), array.nbytes) for name, array in arrays.items()})
+
+    def uploaded(array: NDArray[Any]) -> Any:
+        # A CPU's driver reads the array itself, if it is one that is there for that.
+        use = flags.USE_HOST_PTR if device.kind == "cpu" and begins_on_page(array) else flags.COPY_HOST_PTR
+        return cl.Buffer(queue.context, flags.READ_ONLY | use, hostbuf=np.ascontiguousarray(array))
+
+    return {
+        name: before.buffers[name] if before and array is kept.get(name) else uploaded(array)
+        for name, array in arrays.items()
+    } | made[1]

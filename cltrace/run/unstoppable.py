@@ -62,7 +62,7 @@ class Unstoppable:
         with self._findings.lock:
             self._findings.pixels += pixels
 
-    def find(self, context: Any, queue: Any, buffers: dict[str, Any]) -> None:
+    def find(self, queue: Any, buffers: dict[str, Any]) -> None:
         """Puts the buffer `unstoppable` among those of the plan, and more into it once that pays: never on a GPU.
 
         Where a driver fails, there is none: pictures are the same without it.
@@ -73,7 +73,7 @@ class Unstoppable:
                 self._may_pay, findings.pixels = False, 0
                 try:
                     with Announcement("compiling the kernel ..."):
-                        self._find(context, queue, buffers)
+                        self._find(queue, buffers)
                 except (BuildError, cl.Error) as error:
                     log.info("triangles without shadows are not looked for: %s", error)
             if findings.bits is not None:
@@ -98,7 +98,7 @@ class Unstoppable:
         cl.enqueue_copy(queue, end, start, src_offset=end.itemsize * cells)
         return int(end[0])
 
-    def _find(self, context: Any, queue: Any, buffers: dict[str, Any]) -> None:
+    def _find(self, queue: Any, buffers: dict[str, Any]) -> None:
         """Asks about the triangles that this plan shows, but for those that are known already."""
         findings, values, flags = self._findings, self._plan.values, self._plan.features
         grids = self._plan.arrays["grid"]
@@ -110,7 +110,7 @@ class Unstoppable:
         words = -(-m // 32)
 
         def filled(size: int, value: int = 0) -> Any:
-            buffer = cl.Buffer(context, cl.mem_flags.READ_WRITE, size)
+            buffer = cl.Buffer(queue.context, cl.mem_flags.READ_WRITE, size)
             cl.enqueue_fill_buffer(queue, buffer, np.full(1, value, np.uint8), 0, size)
             return buffer
 

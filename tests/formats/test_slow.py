@@ -144,7 +144,7 @@ def prepared(case: Case, path: Path) -> tuple[float, str]:
     gc.collect()  # else what errors and mocks hold of the scene before counts as this one's memory
     start = time.process_time()
     with pytest.MonkeyPatch.context() as patch, contextlib.suppress(_PreparedError):
-        patch.setattr(renderer, "Executor", Mock(side_effect=_PreparedError))
+        patch.setattr(renderer.Executor, "of", Mock(side_effect=_PreparedError))
         try:
             cltrace.Renderer(cltrace.load(path), antialias=bool(case["antialias"]))
         except (cltrace.SceneError, cltrace.TooSlowError) as error:

@@ -409,11 +409,11 @@ def stays_within(whole: Renderer, guard: int = 4096) -> bool:
     flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
     outside = np.full(2 * guard, 0xA5, np.uint8)
     parts = {n: np.insert(outside, guard, np.zeros(a.nbytes, np.uint8)) for n, a in frame.arrays.items()}
-    guarded = {n: cl.Buffer(executor._context, flags, hostbuf=part) for n, part in parts.items()}
+    guarded = {n: cl.Buffer(executor.queue.context, flags, hostbuf=part) for n, part in parts.items()}
     frame.buffers = {n: b.get_sub_region(guard, frame.arrays[n].nbytes) for n, b in guarded.items()}
     whole.render(image)
     for name, part in parts.items():
-        cl.enqueue_copy(executor._queue, part, guarded[name])
+        cl.enqueue_copy(executor.queue, part, guarded[name])
     assert parts["direction"][guard:-guard].any()  # it was written to
     return all((np.delete(part, slice(guard, -guard)) == 0xA5).all() for part in parts.values())
 

@@ -419,7 +419,7 @@ def test_strips_of_any_height_are_one_picture(device: Device, monkeypatch: pytes
         image = renderer.render()
         assert np.array_equal(image.rgb8, want.rgb8)
         assert np.array_equal(image.id, want.id)
-    assert renderer._executor._rows == 16 if patience == 0 else renderer._executor._rows > 333
+    assert renderer._executor.pace.rows == 16 if patience == 0 else renderer._executor.pace.rows > 333
     assert repr(image) == "<cltrace.Image 50x333: rgb8, id>"
 
 

@@ -109,7 +109,7 @@ def test_materials_alone_make_no_lists(device: Device, many: int, monkeypatch: p
     scene = Scene.from_spheres(CAMERA, POINTS, **values)
     renderer = Renderer(scene, device, outputs=OUTPUTS)
     lists, order = renderer._executor.buffers["entry"], renderer._executor.buffers["id_of"]
-    assert isinstance(renderer._packer, SpherePacker) == (many == 0)
+    assert isinstance(renderer._now.packer, SpherePacker) == (many == 0)
     monkeypatch.setattr(View, "of", None)
     monkeypatch.setattr(SpherePacker, "view", None)
     values |= {"colors": (0.25, 1.0, 0.5), "ks": np.linspace(0, 1, 600), "kd": 0.5, "exponent": 7}
@@ -226,16 +226,16 @@ def test_other_ellipsoids_in_the_same_places(device: Device, changed: str, refle
 def test_an_order_is_kept_while_it_is_good(device: Device) -> None:
     values = spheres(6000)
     renderer = Renderer(Scene.from_spheres(CAMERA, LIGHTS, **values), device, outputs=OUTPUTS)
-    first = renderer._world.of_shape(Spheres).row
+    first = renderer._now.world.of_shape(Spheres).row
     values["centers"] = values["centers"] * 3 + 0.001 * np.random.default_rng(0).uniform(-1, 1, (6000, 3))
     same(renderer.update(values["centers"]), Scene.from_spheres(CAMERA, LIGHTS, **values))
-    assert renderer._world.of_shape(Spheres).row is first
+    assert renderer._now.world.of_shape(Spheres).row is first
     values["centers"] = -values["centers"] / 3
     same(renderer.update(values["centers"]), Scene.from_spheres(CAMERA, LIGHTS, **values))
-    assert renderer._world.of_shape(Spheres).row is first
+    assert renderer._now.world.of_shape(Spheres).row is first
     values["centers"] = np.random.default_rng(0).permuted(values["centers"], axis=0)
     same(renderer.update(values["centers"]), Scene.from_spheres(CAMERA, LIGHTS, **values))
-    assert renderer._world.of_shape(Spheres).row is not first
+    assert renderer._now.world.of_shape(Spheres).row is not first
 
 
 def test_of_spheres_that_come_to_be_equal_the_first_is_seen(device: Device) -> None:
@@ -245,13 +245,13 @@ def test_of_spheres_that_come_to_be_equal_the_first_is_seen(device: Device) -> N
     values = spheres(n)
     renderer = Renderer(Scene.from_spheres(CAMERA, LIGHTS, **values), device, outputs=OUTPUTS)
     pairs = rng.permutation(n)[: n // 50].reshape(-1, 2)
-    order = renderer._world.of_shape(Spheres).row
+    order = renderer._now.world.of_shape(Spheres).row
     near = np.stack([order[:-1], order[1:]], axis=1)[::5]
     for one, other in (*pairs, *near):
         values["centers"][one], values["radii"][one] = values["centers"][other], values["radii"][other]
     renderer.update(values["centers"], values["radii"])
-    assert renderer._world.of_shape(Spheres).row is order
-    assert renderer._world.of_shape(Spheres).again.sum() > n // 8
+    assert renderer._now.world.of_shape(Spheres).row is order
+    assert renderer._now.world.of_shape(Spheres).again.sum() > n // 8
     same(renderer, Scene.from_spheres(CAMERA, LIGHTS, **values))
 
 

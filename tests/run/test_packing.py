@@ -301,7 +301,7 @@ def test_further_cameras_are_packed_of_fewer(device: Device, monkeypatch: pytest
     moved = renderer.look(other)
     assert ("entry" in renderer.plan.arrays, "entry" in moved.plan.arrays) == (True, False)
     assert np.array_equal(moved.render().rgb8, cltrace.Renderer(crowded().seen_by(other), device).render().rgb8)
-    assert renderer.look(camera())._packer is renderer.look(other)._packer is moved._packer
+    assert renderer.look(camera())._now.packer is renderer.look(other)._now.packer is moved._now.packer
     assert "entry" in moved.update(centers=balls(3000, 0.3, 7)[0]).plan.arrays
     monkeypatch.setattr(packers, "MANY", 4 * 3000)
     assert "entry" in cltrace.Renderer(crowded(), device).look(other).plan.arrays

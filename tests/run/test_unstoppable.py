@@ -98,11 +98,11 @@ def frames(scene: Scene, device: Device, monkeypatch: pytest.MonkeyPatch) -> tup
 def known(renderer: Renderer) -> np.ndarray:
     """(m,): which triangles are unstoppable as the last light sees them."""
     executor = renderer._executor
-    m, lights = executor.plan.values["triangles"], executor._unstoppable.lights
+    m, lights = executor.plan.values["triangles"], executor.unstoppable.lights
     if not lights:
         return np.zeros(m, bool)
     bits = np.zeros((lights, -(-m // 32)), np.int32)
-    cl.enqueue_copy(executor._queue, bits, executor.buffers["unstoppable"])
+    cl.enqueue_copy(executor.queue, bits, executor.buffers["unstoppable"])
     return np.unpackbits(bits[-1].view(np.uint8), bitorder="little")[:m].astype(bool)
 
 
@@ -150,7 +150,7 @@ def test_it_is_found_out_once_it_pays(device: Device) -> None:
     renderer = Renderer(of(floor(2, 4), ball(1)), device, "accurate", OUTPUTS)
     part, frame = renderer.rows(20, 40), renderer.render()
     assert not known(renderer).any()
-    entries = renderer._executor._unstoppable._entries
+    entries = renderer._executor.unstoppable._entries
     assert entries == len(Plan.of_scene(renderer.scene, renderer.request).arrays["entry"]) - CONSTANTS["AHEAD"]
     for _ in range(int(unstoppable.PAYS * entries / frame.id.size) + 1):
         renderer.render(frame)
