@@ -325,7 +325,7 @@ MUTATIONS = [
         "tests/renderers/test_strips.py",
     ),
     Mutation(
-        "if any(_same(target, other) for other in targets[:i])",
+        "if any(target == other or os.path.realpath(target) == os.path.realpath(other) for other in targets[:i])",
         "if False",
         "one file for two",
         "tests/picture/test_outputs.py",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-import logging
 import os
 import re
 import signal
@@ -21,7 +20,6 @@ from PIL import Image as Picture
 import cltrace
 from cltrace import cli
 from cltrace.base.errors import UsageError
-from cltrace.base.waiting import Announcement
 from cltrace.plan.request import KEEPS
 
 FIRST = Path(__file__).parents[2] / "scenes" / "step3-shadows.xml"
@@ -54,15 +52,6 @@ def pixels(data: bytes | Path) -> np.ndarray:
         assert picture.format == "PNG"
         assert picture.mode == "RGB"
         return np.asarray(picture)
-
-
-@pytest.fixture
-def scene(tmp_path: Path) -> Path:
-    """A small scene that renders fast."""
-    text = FIRST.read_text()
-    path = tmp_path / "small.xml"
-    path.write_text(text)
-    return path
 
 
 def test_scene_alone_does_the_right_thing(tmp_path: Path) -> None:
@@ -165,16 +154,12 @@ def test_few_pixels_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert "compare N pixels with the reference (default 20000, or fewer)" in text
 
 
-def test_verbose_adds_the_traceback(tmp_path: Path) -> None:
+def test_list_devices(tmp_path: Path) -> None:
+    done = call("--list-devices", cwd=tmp_path)
+    assert (done.returncode, done.stdout.decode().splitlines()) == (0, [d.line() for d in cltrace.devices()])
     brief, long = (call("nowhere.xml", *more, cwd=tmp_path).stderr.decode() for more in ((), ("-v",)))
     assert long.startswith("Traceback ")
     assert long.endswith(brief)
-
-
-def test_list_devices(tmp_path: Path) -> None:
-    done = call("--list-devices", cwd=tmp_path)
-    assert done.returncode == 0
-    assert done.stdout.decode().splitlines() == [d.line() for d in cltrace.devices()]
 
 
 def test_no_driver_gives_advice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -195,44 +180,36 @@ def test_no_driver_gives_advice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         ([], "which scene? Say cltrace SCENE.xml; see cltrace --help"),
         (["{scene}", "--size", "0x5"], "argument --size: must be within 1..65536 each and 1073741824 pixels, got 0x5;"),
         (["{scene}", "--size", "5"], "argument --size: must be WIDTHxHEIGHT, such as 640x480, got '5';"),
-        (["{scene}", "--crop", "1,2,3"], "argument --crop: must be X0,Y0,X1,Y1, such as 0,0,64,64, got '1,2,3';"),
         (["{scene}", "--crop", "5,5,5,9"], "crop: must be within 0,0,481,361 and not empty, got 5,5,5,9"),
-        (["{scene}", "--crop", "0,0,482,9"], "crop: must be within 0,0,481,361 and not empty, got 0,0,482,9"),
-        (["{scene}", "--precision", "half"], "argument --precision: invalid choice: 'half'"),
-        (["{scene}", "--repeat", "0"], "argument --repeat: must be a whole number >= 1, got '0';"),
-        (["{scene}", "--check=few"], "argument --check: must be a whole number >= 1, got 'few';"),
-        (["{scene}", "--frobnicate"], "unrecognized arguments: --frobnicate;"),
-        (["{scene}", "-o", "no/such/x.png"], "-o: there is no folder 'no/such'"),
-        (["{scene}", "-o", "."], "-o: '.' is a folder"),
-        (
-            ["{scene}", "-o", "x.bmp"],
-            "-o: the name of a picture must end in .png, .tif, .tiff, .jpg, .jpeg, .exr, .npy or .npz, got 'x.bmp'",
-        ),
-        (["{scene}", "-o", "-", "--stats=json"], "-o - and --stats=json both want stdout"),
-        (["nowhere.xml"], "nowhere.xml: "),
         (
             ["{scene}", "--crop", "-1,0,10,10"],
-            "argument --crop: must be X0,Y0,X1,Y1 without a sign, such as 0,0,64,64, got '-1,0,10,10';",
+            "--crop: must be X0,Y0,X1,Y1 without a sign, such as 0,0,64,64, got",
         ),
+        (["{scene}", "--precision", "half"], "argument --precision: invalid choice: 'half'"),
         (["{scene}", "--repeat", "-5"], "argument --repeat: must be a whole number >= 1, got '-5';"),
-        (["{scene}", "--outputs", "id,colour"], "argument --outputs: must be of rgb8, color, "),
+        (["{scene}", "--check=few"], "argument --check: must be a whole number >= 1, got 'few';"),
+        (["--check", "{scene}"], "argument --check: put the scene first, or say --check=N; "),
+        (["{scene}", "--frobnicate"], "unrecognized arguments: --frobnicate;"),
         (["{scene}", "--keep", "lists"], "unrecognized arguments: --keep lists"),
+        (["{scene}", "--outputs", "id,colour"], "argument --outputs: must be of rgb8, color, "),
+        (["{scene}", "-o", "no/such/x.png"], "-o: there is no folder 'no/such'"),
+        (["{scene}", "-o", "."], "-o: '.' is a folder"),
+        (["{scene}", "-o", "s.png/."], "-o: 's.png/.' is a folder"),
         (
-            ["{scene}", "-o", "/dev/stdout"],
-            ".tiff, .jpg, .jpeg, .exr, .npy or .npz, got '/dev/stdout'; -o - writes it to stdout",
+            ["{scene}", "-o", "x.bmp"],
+            "-o: the name of a picture must end in .png, .tif, .tiff, .jpg, .jpeg, .exr",
         ),
+        (["{scene}", "-o", "/dev/stdout"], ".npy or .npz, got '/dev/stdout'; -o - writes it to stdout"),
+        (["{scene}", "-o", "/proc/x.png"], "cannot write /proc/x.png: "),
+        (["{scene}", "-o", "-", "--stats=json"], "-o - and --stats=json both want stdout"),
+        (["nowhere.xml"], "nowhere.xml: "),
         (["-"], "a scene is not read from stdin: say the name of its file"),
         (["--doctor", "x.xml"], "--doctor takes no scene, got 'x.xml'"),
         (["{scene}", "--report"], "--report goes with --doctor"),
         (["--doctor", "--report", "scene.xml"], "--report: must end in .txt, got 'scene.xml'"),
         (["--doctor", "--report", "-o", "x.txt"], "--doctor takes no -o"),
-        (["--doctor", "--width", "4"], "--doctor takes no --width"),
         (["{scene}", "--width", "5"], "argument --width: invalid choice: 5 (choose from "),
-        (["--list-devices", "x.xml"], "--list-devices takes no scene, got 'x.xml'"),
-        (
-            ["--list-devices", "-d", "gpu"],
-            "--list-devices lists all devices, so it takes no -d; --doctor -d SPEC ",
-        ),
+        (["--list-devices", "-d", "gpu"], "--list-devices lists all devices, so it takes no -d; --doctor -d SPEC "),
     ],
 )
 def test_bad_usage(tmp_path: Path, arguments: list[str], message: str) -> None:
@@ -244,24 +221,19 @@ def test_bad_usage(tmp_path: Path, arguments: list[str], message: str) -> None:
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("spec", ["nosuchthing", "99:0", "99", ""])
-def test_bad_device(tmp_path: Path, spec: str) -> None:
-    done = call(FIRST, "-d", spec, cwd=tmp_path)
+@pytest.mark.parametrize(("spec", "source"), [("99:0", ""), ("", ""), ("nosuchthing", " (from PYOPENCL_CTX)")])
+def test_bad_device(tmp_path: Path, spec: str, source: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    if source:
+        monkeypatch.setenv("PYOPENCL_CTX", spec)
+    done = call(FIRST, *([] if source else ["-d", spec]), cwd=tmp_path)
     assert done.returncode == 3
     lines = done.stderr.decode().splitlines()
-    assert lines[0] == f"cltrace: no device matches {spec!r}; choose one of:"
-    assert lines[1:] == [d.line() for d in cltrace.devices()]
+    assert lines == [
+        f"cltrace: no device matches {spec!r}{source}; choose one of:",
+        *(d.line() for d in cltrace.devices()),
+    ]
     assert not list(tmp_path.iterdir())
-
-
-def test_device_from_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PYOPENCL_CTX", "nosuchthing")
-    done = call(FIRST, cwd=tmp_path)
-    assert done.returncode == 3
-    assert b"no device matches 'nosuchthing' (from PYOPENCL_CTX)" in done.stderr
-    assert call(FIRST, "-d", "cpu", cwd=tmp_path).returncode == 0
-    monkeypatch.setenv("PYOPENCL_CTX", cltrace.devices()[0].spec)
-    assert call(FIRST, cwd=tmp_path).returncode == 0
+    assert call(FIRST, "-d", "cpu", cwd=tmp_path).returncode == 0  # which counts more than the environment
 
 
 def test_faults_of_the_scene_are_all_told_and_nothing_is_written(tmp_path: Path) -> None:
@@ -281,13 +253,6 @@ def test_faults_of_the_scene_are_all_told_and_nothing_is_written(tmp_path: Path)
     assert [p.name for p in tmp_path.iterdir()] == ["bad.xml"]
 
 
-@pytest.mark.parametrize("name", ["s.png/", "s.png//", "s.png/.", "s.png/./"])
-def test_names_of_folders_are_refused(tmp_path: Path, name: str) -> None:
-    done = call(FIRST, "-o", name, cwd=tmp_path)
-    assert (done.returncode, done.stderr.decode()) == (2, f"cltrace: -o: {name!r} is a folder\n")
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_limit_of_the_size_of_files(tmp_path: Path) -> None:
     """LLVM would end the process, with the status 1, which is that of a check that failed."""
     script = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)); from cltrace import cli; "
@@ -305,27 +270,6 @@ def test_names_that_the_locale_lacks(tmp_path: Path) -> None:
     done = subprocess.run(line, cwd=tmp_path, env=environment, capture_output=True, timeout=60, check=False)
     assert (done.returncode, done.stderr) == (0, b"")
     assert [path.name for path in tmp_path.iterdir()] == ["\u00e4.png"]
-
-
-@pytest.mark.parametrize("how", ["output_file", "-o", "link", "hard link", "scene is a link"])
-def test_a_scene_is_not_replaced_by_its_picture(tmp_path: Path, how: str) -> None:
-    """A scene may be called s.png and name s.png as its picture."""
-    text = FIRST.read_text().replace('output_file="step3-shadows.png"', 'output_file="s.png"')
-    scene = tmp_path / "s.png"
-    scene.write_text(text)
-    if how == "link":
-        (tmp_path / "other.png").symlink_to("s.png")
-    elif how == "hard link":
-        (tmp_path / "other.png").hardlink_to(scene)
-    elif how == "scene is a link":
-        (tmp_path / "scene.xml").symlink_to("s.png")
-    source = "scene.xml" if how == "scene is a link" else "s.png"
-    target = "other.png" if "link" in how and how != "scene is a link" else "s.png"
-    done = call(source, *([] if how == "output_file" else ["-o", target]), cwd=tmp_path)
-    origin = "output_file" if how == "output_file" else "-o"
-    expected = f"cltrace: {origin}: {target!r} is {source!r}, which the picture is made from and would replace\n"
-    assert (done.returncode, done.stderr.decode()) == (2, expected)
-    assert scene.read_text() == text
 
 
 TEXTURED = """<scene output_file="t.png"><background_color r="0" g="0" b="0"/><camera><position x="0" y="0" z="4"/>
@@ -366,6 +310,7 @@ def textured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (["other.xml", "-o", "{}.png"], "-o", "other.png", "t.png"),
         (["--orbit", "3", "-o", "f%02d.png"], "output", "f02.png", "t.png"),
         (["--orbit", "3", "-o", "f.gif"], "-o", "f.gif", "t.png"),
+        (["-o", "scene.png"], "-o", "scene.png", "s.xml"),
     ],
 )
 def test_no_input_is_replaced_by_a_picture(
@@ -377,6 +322,7 @@ def test_no_input_is_replaced_by_a_picture(
     for name in ("link.png", "f02.png", "f.gif", "other.png"):
         Path(name).symlink_to("t.png")
     Path("hard.png").hardlink_to("maps/m.png")
+    Path("scene.png").symlink_to("s.xml")
     Path("folder").symlink_to("maps")
     Path("other.xml").write_text(TEXTURED)
     Path("mine.png").write_bytes(Path("t.png").read_bytes())
@@ -424,23 +370,12 @@ def test_links_to_themselves(tmp_path: Path) -> None:
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_unwritable_folder(tmp_path: Path) -> None:
-    old = tmp_path / "folder.png"
-    old.mkdir()
-    done = call(FIRST, "-o", "/proc/x.png", cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.decode().startswith("cltrace: cannot write /proc/x.png: ")
-
-
 @pytest.mark.parametrize("name", ["x" * 300 + ".png", "locked/x.png"])
 def test_names_that_cannot_be_written(tmp_path: Path, name: str) -> None:
     (tmp_path / "locked").mkdir(mode=0)
     done = call(FIRST, "-o", name, cwd=tmp_path)
-    if done.returncode == 0:
-        assert os.getuid() == 0  # whom no folder is locked for
-        return
-    assert done.returncode == 2
-    assert len(done.stderr.splitlines()) == 1
+    if os.getuid() or name.startswith("x"):  # root is locked out of no folder
+        assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
 
 
 def test_full_and_closed_streams(tmp_path: Path) -> None:
@@ -506,16 +441,6 @@ sys.exit(command("cltrace", body))
     assert (unseen.stdout, unseen.stderr) == (b"", b"")
 
 
-def test_what_takes_long_is_logged(caplog: pytest.LogCaptureFixture) -> None:
-    caplog.set_level(logging.INFO, "cltrace")
-    with Announcement("short", after=60):
-        pass
-    with Announcement("long", after=0):
-        while not caplog.messages:
-            time.sleep(0.01)
-    assert caplog.messages == ["long"]
-
-
 def test_help_fits_one_screen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "100")
     done = call("--help", cwd=tmp_path)
@@ -531,7 +456,5 @@ def test_help_all_has_every_option(tmp_path: Path) -> None:
     whole = call("--help", "all", cwd=tmp_path)
     assert whole.returncode == 0
     options = [option for action in cli.parser()._actions for option in action.option_strings]
-    assert len(options) > 20
-    missing = [option for option in options if not re.search(rf"{option}\b", whole.stdout.decode())]
-    assert not missing
+    assert not [option for option in options if not re.search(rf"{option}\b", whole.stdout.decode())]
     assert call("-h", FIRST, cwd=tmp_path).stdout == call(FIRST, "--help", cwd=tmp_path).stdout
