@@ -38,7 +38,7 @@ _NAMES = {
     "cltrace.movie.frames": ("orbit",),
     "cltrace.picture.colorbar": ("colorbar",),
     "cltrace.picture.image": ("Image",),
-    "cltrace.rays": ("Hits", "trace_rays"),
+    "cltrace.renderers.rays": ("Hits", "trace_rays"),
     "cltrace.renderers.renderer": ("Renderer", "render"),
     "cltrace.run.devices": ("Device", "devices"),
     "cltrace.scene": (
@@ -84,8 +84,8 @@ if TYPE_CHECKING:
     from cltrace.movie.frames import orbit as orbit
     from cltrace.picture.colorbar import colorbar as colorbar
     from cltrace.picture.image import Image as Image
-    from cltrace.rays import Hits as Hits
-    from cltrace.rays import trace_rays as trace_rays
+    from cltrace.renderers.rays import Hits as Hits
+    from cltrace.renderers.rays import trace_rays as trace_rays
     from cltrace.renderers.renderer import Renderer as Renderer
     from cltrace.renderers.renderer import render as render
     from cltrace.run.devices import Device as Device

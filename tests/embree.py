@@ -24,7 +24,7 @@ from hostile.sphere_regimes import rays as camera_rays
 from numpy.typing import NDArray
 
 from cltrace import Camera, Mesh, Scene, oracle
-from cltrace.rays import trace_rays
+from cltrace.renderers.rays import trace_rays
 
 Floats32 = NDArray[np.float32]
 

@@ -22,15 +22,14 @@ BELOW = {
     "plan": {"scene", "base"},
     "run": {"plan", "scene", "base"},
     "picture": {"scene", "base"},
-    "renderers": {"run", "plan", "picture", "scene", "base"},
+    "renderers": {"oracle", "exact", "run", "plan", "picture", "scene", "base"},
     "reference": {"exact", "scene", "base"},
     "explanation": {"reference", "exact", "scene", "base"},
     "oracle": {"exact", "scene", "base"},
-    "rays": {"exact", "plan", "scene", "base"},
     "students": {"renderers", "explanation", "reference", "formats", "picture", "plan", "run", "scene", "base"},
     "movie": {"renderers", "run", "plan", "picture", "scene", "base"},
     "distributed": {"movie", "renderers", "run", "plan", "picture", "process", "scene", "base"},
-    "viewer": {"movie", "students", "renderers", "explanation", "rays", "picture", "run", "plan", "scene", "base"},
+    "viewer": {"movie", "students", "renderers", "explanation", "picture", "run", "plan", "scene", "base"},
     "cli": {"distributed", "movie", "students", "renderers", "explanation", "formats", "picture", "plan", "run"}
     | {"viewer", "process", "scene", "base"},
     "bench": {"cli", "oracle", "students", "renderers", "reference", "formats", "picture", "plan", "run"}

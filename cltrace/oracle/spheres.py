@@ -147,9 +147,17 @@ class Spheres(Kind):
     @cached_property
     def _same(self) -> Ids:
         """(m,): the first of all surfaces that are equal to each, which hides the others."""
-        keys = [self.centers, self.radii[:, None], *((self.maps.reshape(-1, 9),) if self.bent.any() else ())]
-        _, first, which = np.unique(np.concatenate(keys, axis=1), axis=0, return_index=True, return_inverse=True)
-        return first[which.ravel()]
+        _, which, count = np.unique(self.centers[:, 0], return_inverse=True, return_counts=True)
+        same, rows = np.arange(len(which)), np.flatnonzero(count[which] > 1)  # mostly few, as sorting rows takes long
+        _, first, which = np.unique(self._numbers[rows], axis=0, return_index=True, return_inverse=True)
+        same[rows] = rows[first[which.ravel()]]
+        return same
+
+    @cached_property
+    def _numbers(self) -> Floats:
+        """(m, 4), or (m, 13) where there are ellipsoids."""
+        maps = [self.maps.reshape(-1, 9)] if self.bent.any() else []
+        return np.concatenate([self.centers, self.radii[:, None], *maps], axis=1)
 
     @cached_property
     def _outer(self) -> Floats:
@@ -167,8 +175,7 @@ class Spheres(Kind):
     @cached_property
     def moderate(self) -> Bools:
         """(m,): which ones' numbers are within the range of the filter."""
-        numbers = np.concatenate([self.centers, self.radii[:, None], self.maps.reshape(-1, 9)], axis=1)
-        return moderate(numbers, MOST)
+        return moderate(self._numbers, MOST)
 
     def near(self, rays: Rays) -> tuple[Ids, Ids]:
         """With f from the start to a centre, R its reach and u = 2^-53, a ray along w passes by where |f x w| > R |w|,

@@ -47,11 +47,13 @@ class Paths:
         member: Mask | None,
         vertex: Array,
         face: Ints,
+        room: float = 1.0,
     ) -> Paths:
         """The paths among surfaces, each of which lies between two spheres, (n,) outer and inner ones, and triangles.
 
         Those of `member` (n,) are entered in the tree, and all triangles; None: there is no tree. vertex: (v, 3), in
-        the world; face: (m, 3), the vertices of triangles, which are the primitives after the n others.
+        the world; face: (m, 3), the vertices of triangles, which are the primitives after the n others; room: rays may
+        start within so many times the size of the scene.
         """
         # Halves, as the sum of two doubles may overflow.
         low, high = (
@@ -60,7 +62,7 @@ class Paths:
         )
         middle, half = (low + high, high - low) if len(center) or len(vertex) else (np.zeros(3), np.zeros(3))
         # All of it is within this distance of the middle, but for roundings of which WIDEN has enough to spare.
-        size = max(2.0**-149, float(np.hypot(np.hypot(half[0], half[1]), half[2]) + outer.max(initial=0)))
+        size = room * max(2.0**-149, float(np.hypot(np.hypot(half[0], half[1]), half[2]) + outer.max(initial=0)))
         exponent = -math.frexp(size)[1]
         unit = 2.0**exponent
         widen = CONSTANTS["WIDEN"] * U * size * unit

@@ -27,7 +27,7 @@ from cltrace.explanation.pixel import explain
 from cltrace.explanation.words import light
 from cltrace.picture.image import Image
 from cltrace.plan.request import LATTICES
-from cltrace.rays import trace_rays
+from cltrace.renderers.rays import trace_rays
 from cltrace.scene import AnyCamera, Camera, Scene
 from cltrace.students.comparison import Comparison
 from cltrace.students.places import look_at

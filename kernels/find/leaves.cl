@@ -35,8 +35,9 @@ static float8 smaller(const float8 a, const float8 b) {
 }
 
 /* The surfaces that a packet's rays may meet first, with lower bounds of the distance. There is room for two leaves' of
- * each ray. They are apart from all else that is known of a search: what is beside an array stays in memory with it. */
-#define CANDIDATES 16
+ * each ray, and for more where the host may want to know all of them. They are apart from all else that is known of a
+ * search: what is beside an array stays in memory with it. */
+#define CANDIDATES (HAS(WITH_RAYS) ? 64 : 16)
 typedef struct {
     int index[CANDIDATES][W];
     float near[CANDIDATES][W];
@@ -53,6 +54,7 @@ typedef struct {
     float over[3][W];       /* 1 / w */
     float reach[W];         /* nothing beyond this distance matters any more */
     int shorter;            /* whether some reach has become shorter since somebody asked */
+    int decided;            /* whether candidates have been decided, and forgotten */
     int own[W];             /* the surface that a ray leaves */
     int count[W];
     Reached *found;

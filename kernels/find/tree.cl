@@ -47,6 +47,7 @@ static __attribute__((noinline)) void decide_all(Search *search) {
     const FLOAT before = LOAD_LANES(search->reach);
     STORE_LANES(reach < before ? reach : before, search->reach);
     search->shorter = 1;
+    if (HAS(WITH_RAYS)) search->decided = 1;
     STORE_LANES((INT)0, search->count);
 }
 
@@ -299,8 +300,8 @@ static REAL over_root(const REAL ww) {
     return guess * ((real)1.5f - (real)0.5f * ww * (guess * guess));
 }
 
-/* Puts the rays into a search, in the tree's unit. over: 1 / |w|. */
-static void start_search(const Leaving *ray, const real4 middle, const REAL over, Search *search) {
+/* Puts the rays into a search, in the tree's unit. over: 1 / |w|; limit: as of closest_from(). */
+static void start_search(const Leaving *ray, const real4 middle, const REAL over, const REAL limit, Search *search) {
     const FLOAT wx = TO_FLOAT(ray->w.x * over), wy = TO_FLOAT(ray->w.y * over), wz = TO_FLOAT(ray->w.z * over);
     STORE_LANES(TO_FLOAT(((ray->center.x - middle.x) + ray->p.x) * middle.w), search->o[0]);
     STORE_LANES(TO_FLOAT(((ray->center.y - middle.y) + ray->p.y) * middle.w), search->o[1]);
@@ -311,15 +312,19 @@ static void start_search(const Leaving *ray, const real4 middle, const REAL over
     STORE_LANES(copysign(1 / fmax(fabs(wx), 0x1p-60f), wx), search->over[0]);
     STORE_LANES(copysign(1 / fmax(fabs(wy), 0x1p-60f), wy), search->over[1]);
     STORE_LANES(copysign(1 / fmax(fabs(wz), 0x1p-60f), wz), search->over[2]);
-    STORE_LANES(TO_FLOAT(search->met->at.t * search->scale) * REACH_SLACK, search->reach);
+    const REAL end = search->met->at.t < limit ? search->met->at.t : limit;
+    STORE_LANES(TO_FLOAT(end * search->scale) * REACH_SLACK, search->reach);
     STORE_LANES(ray->own, search->own);
     STORE_LANES((INT)0, search->count);
     search->shorter = 0;
 }
 
-/* The nearest surface that each of the lanes `live` of these rays meets; of equally near ones that with the lowest
- * id. */
-static __attribute__((noinline)) Met closest_from(const Scene *all, const Leaving *ray, const MASK live, Work *work) {
+/* The nearest surface that each of the lanes `live` of these rays meets; of equally near ones that with the lowest id.
+ *
+ * limit: how far each ray has to look, in t. Surfaces beyond it are left out where that saves work, and may be returned
+ * otherwise: whoever has a limit compares t with it. */
+static __attribute__((noinline)) Met closest_from(const Scene *all, const Leaving *ray, const MASK live,
+                                                  const REAL limit, Work *work) {
     const real4 middle = all->tree.middle;
     Met met = {{INFINITY, 0, {0, 0, 0}}, -1};
     const REAL ww = DOT(ray->w, ray->w), over = over_root(ww);
@@ -334,7 +339,7 @@ static __attribute__((noinline)) Met closest_from(const Scene *all, const Leavin
     search.met = &met;
     search.work = work;
     search.scale = ww * over * middle.w;
-    start_search(ray, middle, over, &search);
+    start_search(ray, middle, over, limit, &search);
     walk_all(live, &search);
     if (ANY(LOAD_LANES(search.count) > 0)) decide_all(&search);
     return met;

@@ -277,7 +277,7 @@ static Gathered gather(const Frame frame, const Scene *scene, const Real3 d, Int
                     if (ANY(all.rays > MOST_RAYS)) return all;
                 }
                 path = leaving(frame, scene->spheres, rays.own, rays.inner, rays.n, rays.q, rays.d);
-                met = closest_from(scene, &path, rays.live, work);
+                met = closest_from(scene, &path, rays.live, (REAL)INFINITY, work);
                 fetch_surfaces(scene, met.id);
                 add_to(&all.sum, rays.live & (met.id < 0), rays.weight, background);
                 rays.live = rays.live & (met.id >= 0);

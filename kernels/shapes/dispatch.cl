@@ -54,6 +54,10 @@ static void place_start(const Spheres spheres, Start *start) {
 #if REAL_BYTES == 8
 static Pair3 fine_start(const Spheres spheres, const Leaving ray) {
     Pair3 step = {pair(0, 0), pair(0, 0), pair(0, 0)};
+    if (HAS(WITH_RAYS)) {
+        const Pair3 known = {pair(ray.p.x, ray.q.x), pair(ray.p.y, ray.q.y), pair(ray.p.z, ray.q.z)};
+        return known;
+    }
     EACH_SHAPE(spheres, ray.own, fine_start(spheres, ray, &step));
     const MASK eye = ray.own < 0;
     if (!HAS(WITH_SHAPES) || !ANY(eye)) return step;
@@ -83,7 +87,8 @@ static __attribute__((noinline)) REAL_MASK comes_first_of(const Scene *scene, co
     const FineT t = fine_t_of(scene->spheres, ray, A), other = fine_t_of(scene->spheres, ray, B);
     const REAL gap = (t.t.hi - other.t.hi) + (t.t.lo - other.t.lo), error = t.error + other.error;
     const REAL_MASK close = (gap >= -error) & (gap <= error);
-    EACH_SHAPE(scene->spheres, A, break_tie(scene->spheres, ray, A, B, close, &first));
+    if (HAS(WITH_RAYS) && ANY(TO_MASK(open & close))) mark_undecided(scene->spheres);
+    else EACH_SHAPE(scene->spheres, A, break_tie(scene->spheres, ray, A, B, close, &first));
     first = open ? (gap < -error) | (!(gap > error) & first) : first;
 #endif
     return first;

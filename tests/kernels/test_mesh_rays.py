@@ -30,7 +30,7 @@ from hostile.sphere_regimes import rays as camera_rays
 from solids import box
 
 from cltrace import Camera, Image, Material, Mesh, Renderer, Scene, ambient_light, parallel_light, point_light
-from cltrace.rays import trace_rays
+from cltrace.renderers.rays import trace_rays
 from cltrace.run.devices import Device
 from cltrace.students.check import check
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,11 +18,18 @@ from cltrace import Camera, Mesh, Scene, oracle
 from cltrace.base.arithmetic import inverses
 from cltrace.exact.lines import ExactPoint, Line, Root
 from cltrace.exact.shapes import ExactSphere, ExactTriangle
-from cltrace.rays import Hits, trace_rays
-from cltrace.rays import trace as inside
+from cltrace.renderers import rays as inside
+from cltrace.renderers.rays import Hits, trace_rays
+from cltrace.run import rays as on_device
 from cltrace.run.devices import Device
 
 CAMERA = Camera((0, 0, 9), (0, 0, 0), resolution=(8, 8))
+
+
+@pytest.fixture(autouse=True)
+def by_device(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So few rays as here would else be left to the exact engine, which is the oracle."""
+    monkeypatch.setattr(inside, "FEW_RAYS", 0)
 
 
 def mixed(seed: int, offset: float = 0.0, scale: float = 1.0) -> Scene:
@@ -148,6 +156,13 @@ def test_numbers_at_the_ends_of_doubles() -> None:
     same(trace_rays(scene, o, d), oracle.closest_hit(scene, o, d))
 
 
+@pytest.fixture(params=["device", "exact engine"])
+def either(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both ways in which rays are decided."""
+    monkeypatch.setattr(inside, "FEW_RAYS", 0 if request.param == "device" else 10**9)
+
+
+@pytest.mark.usefixtures("either")
 @pytest.mark.parametrize("seed", range(3))
 def test_ranges(seed: int) -> None:
     """Ends of the range on surfaces exactly, behind the start, and none at all."""
@@ -158,6 +173,125 @@ def test_ranges(seed: int) -> None:
     for i in range(40):
         want = by_fractions(scene, o[i], d[i], low[i], high[i])
         assert (hits.id[i], hits.primitive[i], hits.t[i]) == want
+
+
+def all_shapes(seed: int) -> Scene:
+    """Spheres, ellipsoids, cylinders and a mesh, in and through each other."""
+    rng = np.random.default_rng(seed)
+    maps = np.array([*[np.eye(3)] * 30, *(rng.normal(size=(10, 3, 3)) + 2 * np.eye(3))])
+    vertices, faces = icosphere(2)
+    ends = rng.uniform(-1, 1, (2, 20, 3))
+    scene = Scene.from_spheres(
+        CAMERA,
+        (),
+        rng.uniform(-1, 1, (40, 3)),
+        rng.uniform(0.05, 0.5, 40),
+        transform=maps,
+        meshes=Mesh(vertices, faces),
+    )
+    return scene.with_cylinders(*ends, rng.uniform(0.02, 0.2, 20))
+
+
+Paths = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # origins, directions, t_min and t_max
+
+
+def paths(kind: str, scene: Scene, count: int) -> Paths:
+    """Rays that are hard to decide, with their ranges."""
+    rng = np.random.default_rng(len(kind))
+    goals = rng.uniform(-1, 1, (count, 3))
+    o = rng.normal(size=(count, 3)) * 2
+    d, none, endless = goals - o, np.zeros(count), np.full(count, np.inf)
+    if kind == "random":
+        return o, d, none, endless
+    if kind == "ranges":
+        return o, d, rng.choice([-np.inf, -1, 0, 0.5, 0.9, 1], count), rng.choice([np.inf, 1, 1.1, 0.95], count)
+    if kind.startswith("far"):
+        d /= np.linalg.norm(d, axis=1)[:, None]
+        far = float(kind.split()[1])
+        return goals - d * far, d, far - rng.choice([0, 0.5, 1, np.inf], count), far + rng.choice([1, np.inf], count)
+    if kind == "tangent":  # along an axis, past the spheres' and the cylinders' outermost points
+        spheres, axis = scene.spheres[:30], rng.integers(3, size=count)
+        one, way = spheres[rng.integers(30, size=count)], np.eye(3)[axis] * rng.choice([-1, 1], (count, 1))
+        limb = one["center"] + one["radius"][:, None] * np.roll(way, 1, axis=1)
+        return limb - way * rng.choice([1, 4], (count, 1)), way, none, endless
+    hits = trace_rays(scene, o, d)
+    met = np.flatnonzero(hits.id >= 0)
+    o, d, t, end = o[met], d[met], hits.t[met], endless[met]
+    if kind == "between":  # behind the first hit: the far end of what is round counts
+        return o, d, t, end
+    if kind == "up to":  # a double more or less than where they end
+        return o, d, np.zeros(len(t)), np.nextafter(t, rng.choice([-np.inf, 0, np.inf], len(t)))
+    assert kind == "leaving"  # from points that are on surfaces, but for rounding
+    return hits.point[met], rng.normal(size=(len(met), 3)), np.zeros(len(t)), end
+
+
+KINDS = ("random", "ranges", "far 1e3", "far 1e9", "far 1e13", "far 1e16", "tangent", "between", "up to", "leaving")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_hard_rays(kind: str) -> None:
+    """What a device decides, and what it leaves to the exact engine, is what the oracle says."""
+    scene = all_shapes(1)
+    o, d, low, high = paths(kind, scene, 400)
+    hits, want = trace_rays(scene, o, d, t_min=low, t_max=high), oracle.closest_hit(scene, o, d, low, high)
+    same(hits, want)
+    assert (want.id >= 0).sum() > 50
+
+
+def test_along_edges() -> None:
+    """In the planes of faces, along their edges, and through corners, where no double decides."""
+    vertices, faces = icosphere(2)
+    scene, rng = Scene.from_meshes(CAMERA, (), Mesh(vertices, faces)), np.random.default_rng(3)
+    a, b, c = vertices[faces[rng.integers(len(faces), size=200)]].swapaxes(0, 1)
+    o = a - (b - a) * rng.choice([0, 1, 2, -0.5], (200, 1))
+    same(trace_rays(scene, o, b - a), oracle.closest_hit(scene, o, b - a))
+    same(trace_rays(scene, o, c - o), oracle.closest_hit(scene, o, c - o))
+
+
+def test_most_rays_are_decided_by_the_device(monkeypatch: pytest.MonkeyPatch) -> None:
+    found: list[on_device.Found] = []
+    trace = on_device.RayTracer.trace
+
+    def kept(self: on_device.RayTracer, *rays: np.ndarray) -> on_device.Found:
+        found.append(trace(self, *rays))
+        return found[-1]
+
+    monkeypatch.setattr(on_device.RayTracer, "trace", kept)
+    scene = all_shapes(1)
+    for kind in ("random", "ranges", "far 1e9"):
+        o, d, low, high = paths(kind, scene, 4000)
+        trace_rays(scene, o, d, t_min=low, t_max=high)
+    assert len(found) == 3
+    assert all(len(one.undecided) <= 2 for one in found)
+
+
+def test_more_candidates_than_there_is_room_for() -> None:
+    """A ray that touches a hundred spheres, none of which pairs can tell, and a sphere behind them."""
+    x = np.arange(100.0)
+    centers = np.stack([x, np.where(x % 2, 1, -1), 0 * x], axis=1)
+    scene = Scene.from_spheres(CAMERA, (), np.vstack([centers[::-1], [(200, 0, 0)]]), 1)
+    rays = [(-1, 0, 0), (-1, 1e-300, 0), (-1, -1e-300, 0), (-1, 0, 1e-20)]
+    hits = trace_rays(scene, rays, (1, 0, 0))
+    assert hits.id.tolist() == [99, 98, 99, 100]
+    assert hits.t.tolist() == [1, 2, 1, 200]
+
+
+def test_few_rays_wait_for_no_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor do many without a device, or with one that has no doubles."""
+    scene, o = all_shapes(2), np.random.default_rng(4).normal(size=(20, 3)) * 3
+    want = oracle.closest_hit(scene, o, -o)
+    monkeypatch.setattr(inside, "RayTracer", None)
+    monkeypatch.setattr(inside, "FEW_RAYS", 1000)
+    same(trace_rays(scene, o, -o), want)
+    monkeypatch.setattr(inside, "FEW_RAYS", 0)
+    for device in (None, SimpleNamespace(has_double=False)):
+        inside._known.clear()
+        monkeypatch.setattr(inside, "choose", lambda device=device: device or _no_device())
+        same(trace_rays(scene, o, -o), want)
+
+
+def _no_device() -> None:
+    raise cltrace.DeviceError("there is none")
 
 
 @pytest.mark.parametrize("name", list(REGIMES))
@@ -200,6 +334,7 @@ def test_what_pictures_show(file: Path, any_device: Device) -> None:
     assert not hits.uv[nothing].any()
 
 
+@pytest.mark.usefixtures("either")
 def test_points_are_on_the_surface_from_however_far() -> None:
     """1e15 away, t alone would be off by a tenth; point is not made of that."""
     scene = Scene.from_spheres(CAMERA, (), [(0, 0, 0), (5, 0, 0)], 1, transform=[np.eye(3), np.diag([1, 0.5, 2])])
@@ -214,6 +349,7 @@ def test_points_are_on_the_surface_from_however_far() -> None:
     np.testing.assert_allclose(low.normal[0], (x, 0.25, 0.5), rtol=1e-15)
 
 
+@pytest.mark.usefixtures("either")
 def test_normals_and_uv_of_triangles() -> None:
     """By hand: in the middle of a triangle with a normal and a place of the texture at each corner."""
     corners = np.array([(0, 0, 0), (3, 0, 0), (0, 3, 0)], float)
@@ -229,6 +365,7 @@ def test_normals_and_uv_of_triangles() -> None:
     np.testing.assert_allclose(hits.uv, [(1, 2), (0, 0), (0, 0)], atol=1e-15)
 
 
+@pytest.mark.usefixtures("either")
 def test_the_rim_of_a_cylinder_is_its_end() -> None:
     scene = Scene.from_spheres(CAMERA, (), np.zeros((0, 3)), 1).with_cylinders([(0, 0, 0)], [(0, 0, 2)], 1)
     origins, directions = (
@@ -260,7 +397,8 @@ def test_blocks_and_threads_change_nothing(monkeypatch: pytest.MonkeyPatch) -> N
     scene, rng = mixed(4), np.random.default_rng(9)
     o, d = aimed(scene, rng, 200)
     want = trace_rays(scene, o, d)
-    monkeypatch.setattr(inside, "RAYS_AT_ONCE", 7)
+    monkeypatch.setattr(on_device, "RAYS_AT_ONCE", 7)
+    monkeypatch.setattr(on_device, "RUN", 3)
     again = trace_rays(scene, o, d)
     for name in ("t", "id", "primitive", "point", "normal", "uv"):
         np.testing.assert_array_equal(getattr(want, name), getattr(again, name))
@@ -292,6 +430,7 @@ def test_rays_at_the_corners_of_boxes(seed: int) -> None:
     assert 0 < (want.id == 0).sum() < 300
 
 
+@pytest.mark.usefixtures("either")
 def test_nothing_to_meet() -> None:
     hits = trace_rays(Scene.from_spheres(CAMERA, (), [], 1), np.zeros((2, 3)), (0, 0, 1))
     assert hits.id.tolist() == [-1, -1]
@@ -300,6 +439,7 @@ def test_nothing_to_meet() -> None:
     assert len(none) == len(none.point) == len(none.uv) == 0
 
 
+@pytest.mark.usefixtures("either")
 def test_shapes_of_arguments() -> None:
     scene = Scene.from_spheres(CAMERA, (), [(0, 0, 0)], 1)
     assert trace_rays(scene, (0, 0, 3), (0, 0, -1)).t.tolist() == [2]

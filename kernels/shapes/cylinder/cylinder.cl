@@ -429,10 +429,11 @@ static __attribute__((noinline)) RodPairs rod_pairs(const RodRay ray, const RodF
     return p;
 }
 
-/* What a ray does, in pairs: t, and a bound of what it is off by. */
+/* What a ray does, in pairs: t, and a bound of what it is off by; WITH_RAYS, whether pairs are sure of it. */
 typedef struct {
     RodVerdict is;
     FineT t;
+    REAL_MASK known;
 } FineRod;
 
 static FineT rod_fine_t(const RodPairs p, const RodValues e, const RodErrors by, const RodVerdict is) {
@@ -471,6 +472,7 @@ static __attribute__((noinline)) FineRod fine_rod(const RodRay ray, const RodFin
     }
     FineRod found;
     found.is = rod_verdict(ray, is);
+    if (HAS(WITH_RAYS)) found.known = rod_passes(ray, is) | (found.is.hit & rod_is_sure(ray, e, by, is, found.is));
     found.t = rod_fine_t(p, e, by, found.is);
     return found;
 }
@@ -521,6 +523,7 @@ static __attribute__((noinline)) RodMeeting rod_encounter(const Spheres spheres,
     if (!UNDECIDED(spheres, ANY(TO_MASK(at.unsure)))) return uncovered(rod, at);
     const RodFineRay fine = {fine_start(spheres, ray), pairs_in_world(spheres, ray.d)};
     const FineRod found = fine_rod(way, fine, rod, 0);
+    if (HAS(WITH_RAYS) && !ANY(TO_MASK(found.known))) mark_undecided(spheres);
     const REAL_MASK hit = found.is.hit & (found.t.t.hi > 0);
     at.t = at.unsure ? (hit ? found.t.t.hi : (REAL)INFINITY) : at.t;
     at.is.hit = at.unsure ? hit : at.is.hit;

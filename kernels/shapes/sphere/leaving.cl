@@ -241,6 +241,10 @@ static __attribute__((noinline)) FineEncounter fine_encounter(const Spheres sphe
     Finer e = finer_from(spheres, ray, ball);
     const REAL_MASK own = TO_REAL_MASK(index == ray.own);
     const INT left = SPHERE_OR_NONE(spheres, ray.own);
+    if (HAS(WITH_RAYS)) {
+        const REAL_MASK power = fabs(e.c.hi) <= e.c_error, ahead = (e.c.hi > 0) & (fabs(e.b.hi) <= e.b_error);
+        if (ANY(TO_MASK(power | ahead | (fabs(e.D.hi) <= e.D_error)))) mark_undecided(spheres);
+    }
     MASK touching = (index >= 0) & (left >= 0) & TO_MASK(!own & (fabs(e.c.hi) <= e.c_error));
     if (HAS(WITH_ELLIPSOIDS)) touching = touching & (maps_of(spheres, left) == 0) & (ball.map == 0);
     if (ANY(touching)) decide_power(spheres, ray, index, touching, &e);

@@ -426,6 +426,7 @@ static int share_a_plane(const Spheres spheres, const int a, const int b);
  * corner `from` to corner `to`, or D where from = to. */
 static __attribute__((noinline)) INT whole_signs(const Spheres spheres, const FinePath path, const INT number,
                                                  const int from, const int to, const MASK unsure) {
+    if (HAS(WITH_RAYS)) return (INT)mark_undecided(spheres);
     int each[W], left[W], sign[W];
     PathLanes lanes;
     STORE_LANES(number, each);
@@ -545,7 +546,7 @@ static __attribute__((noinline)) int share_a_plane(const Spheres spheres, const 
     const int4 f = spheres.face[a], g = spheres.face[b];
     const real4 one[3] = {spheres.vertex[f.x], spheres.vertex[f.y], spheres.vertex[f.z]};
     const real4 two[3] = {spheres.vertex[g.x], spheres.vertex[g.y], spheres.vertex[g.z]};
-    if (!share_a_level(one, two) && (HAS(WITHOUT_RARE) || !whole_coplanar(spheres, one, two))) return 0;
+    if (!share_a_level(one, two) && (HAS(WITHOUT_RARE) || HAS(WITH_RAYS) || !whole_coplanar(spheres, one, two))) return 0;
     note_plane(spheres, a, b);
     return 1;
 }
@@ -553,7 +554,7 @@ static __attribute__((noinline)) int share_a_plane(const Spheres spheres, const 
 /* The same, as far as it is known, or without whole numbers where there are none: what is not is left to another
  * program. */
 static int is_known_in_plane(const Spheres spheres, const int a, const int b) {
-    if (HAS(WITHOUT_RARE)) return share_a_plane(spheres, a, b);
+    if (HAS(WITHOUT_RARE) || HAS(WITH_RAYS)) return share_a_plane(spheres, a, b);
     return first_in_plane(spheres, a) == first_in_plane(spheres, b);
 }
 
