@@ -223,7 +223,23 @@ static int sum_of_16(const int16 x) {
 /* (x x' + y y') + z z', rounded in this order. */
 #define DOT(a, b) (((a).x * (b).x + (a).y * (b).y) + (a).z * (b).z)
 
-/* The same in float, by fused operations, of a direction and the first three of a filter constant, or of a grid's axis.
+/* |x| + |y| + |z|. */
+static REAL size_of(const Real3 v) {
+    return (fabs(v.x) + fabs(v.y)) + fabs(v.z);
+}
+
+static Real3 difference(const Real3 a, const Real3 b) {
+    const Real3 d = {a.x - b.x, a.y - b.y, a.z - b.z};
+    return d;
+}
+
+static Real3 cross_of(const Real3 a, const Real3 b) {
+    const Real3 c = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+    return c;
+}
+
+/* The scalar product in float, by fused operations, of a direction and the first three of a filter constant, or of a
+ * grid's axis.
  */
 static FLOAT dot_float(const Float3 w, const float4 s) {
     return FMA(w.x, (FLOAT)s.x, FMA(w.y, (FLOAT)s.y, w.z * s.z));

@@ -7,6 +7,9 @@
 typedef struct {
     REAL hi, lo;
 } Pair;
+typedef struct {
+    Pair x, y, z;
+} Pair3;
 
 static Pair two_sum(const REAL a, const REAL b) {
     const REAL s = a + b, t = s - a;

@@ -36,11 +36,6 @@ static Real3 turned_to_camera(const Frame frame, const Real3 v) {
     return c;
 }
 
-/* |x| + |y| + |z|. */
-static REAL size_of(const Real3 v) {
-    return (fabs(v.x) + fabs(v.y)) + fabs(v.z);
-}
-
 typedef struct {
     REAL a, over_a; /* d.d, 1 / d.d */
     Real3 d;

@@ -43,9 +43,9 @@ MUTATIONS = [
         "tests/students/test_check.py -k next_one",
     ),
     Mutation(
-        "own - size * h - 0x1p-19f",
-        "own - 0x1p-19f",
-        "spheres that cover a pixel's middle cover it all",
+        "s, r + sqrt(power) * h)",
+        "s, r)",
+        "only spheres at a pixel's middle are in it",
         "tests/kernels/test_samples.py -k exact_rays",
     ),
     Mutation(

@@ -7,21 +7,6 @@
 /* No point on a surface is further from the eye. */
 #define FAR 4.0
 
-INLINE Real3 cross_product(const Real3 a, const Real3 b) {
-    const Real3 n = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-    return n;
-}
-
-/* The sum of the coordinates' magnitudes. */
-INLINE REAL size_of(const Real3 a) {
-    return (fabs(a.x) + fabs(a.y)) + fabs(a.z);
-}
-
-INLINE Real3 difference(const Real3 a, const Real3 b) {
-    const Real3 d = {a.x - b.x, a.y - b.y, a.z - b.z};
-    return d;
-}
-
 /* The corners of W triangles, `three` vertices each. */
 #define PUT_VERTEX(corner, three, member)                                     \
     do {                                                                      \
@@ -88,7 +73,7 @@ __kernel void facets(const int count, const int known, const double2 pane, const
         Real3 corner[3];
         PUT_CORNERS(corner, these.three);
         const REAL size[3] = {size_of(corner[0]), size_of(corner[1]), size_of(corner[2])};
-        const Real3 e = difference(corner[1], corner[0]), f = difference(corner[2], corner[0]), N = cross_product(e, f);
+        const Real3 e = difference(corner[1], corner[0]), f = difference(corner[2], corner[0]), N = cross_of(e, f);
         const REAL D = DOT(corner[0], N), most = LARGER(LARGER(size[0], size[1]), size[2]), total = size_of(N),
                    N_off = (TURNED * most) * (size_of(e) + size_of(f)), D_off = size[0] * (N_off + TURNED * total),
                    size_of_D = fabs(D);
@@ -104,7 +89,7 @@ __kernel void facets(const int count, const int known, const double2 pane, const
                                    (D_off <= 0x1p-26 * size_of_D));
         const REAL over = turn / D, own[3] = {N.x * over, N.y * over, N.z * over};
         for (int c = 0; c < 3; c++) {
-            const Real3 n = cross_product(corner[c], corner[(c + 1) % 3]);
+            const Real3 n = cross_of(corner[c], corner[(c + 1) % 3]);
             const REAL rounding = pane.x < 0 ? sqrt((n.x * n.x + n.y * n.y) + n.z * n.z)
                                              : (pane.x * fabs(n.x) + pane.y * fabs(n.y)) + fabs(n.z);
             const REAL bound = (FACET_ROUNDINGS * ROUNDING) * rounding +
@@ -140,7 +125,7 @@ __kernel void facets_along(const int count, const int known, const double4 a, co
                         n = {-(to.y - from.y), to.x - from.x, from.x * to.y - to.x * from.y};
             line[k] = n;
         }
-        const Real3 e = difference(place[1], place[0]), f = difference(place[2], place[0]), N = cross_product(e, f);
+        const Real3 e = difference(place[1], place[0]), f = difference(place[2], place[0]), N = cross_of(e, f);
         const REAL spread = (fabs(line[0].x) + fabs(line[0].y)) + (fabs(line[2].x) + fabs(line[2].y)),
                    size_of_area = fabs(N.z);
         REAL side = LOAD_LANES(these.sign);

@@ -29,11 +29,6 @@ INLINE Pair total(const Sum s) {
     return two_sum(hi.hi, hi.lo + s.lower);
 }
 
-/* A vector that is not rounded. */
-typedef struct {
-    Pair x, y, z;
-} Pair3;
-
 /* v along an axis. A zero of the axis adds zeros, which numpy leaves out: they change no bit. */
 INLINE REAL dot_product(const double4 axis, const Pair3 v) {
     const Sum a = with_term(sum_of(two_product(axis.x, v.x.hi)), axis.x * v.x.lo);

@@ -4,7 +4,7 @@
  * else is in it, their mean is the pixel's. Where nothing else is in it and only colours differ, four more rays may do,
  * see try_few(). Else it is the mean over N places of a lattice, (i + 1/2, (a i mod N) + 1/2) / N from the
  * upper left corner: these are middles of pixels of a picture that is N times as large. The rays of a pixel are lanes
- * of one packet, and ask only the surfaces that may be seen in it.
+ * of one packet.
  *
  * Colours count up to 1 each, and are whole numbers of 2^-20 before they are added up. So a mean does not depend on the
  * order, on the width of packets or on what else is drawn.
@@ -84,17 +84,17 @@ static INT parts_of(const SHADE color) {
     return TO_INT((seen < 1 ? seen : (SHADE)1) * (shade_t)ONE + (shade_t)0.5f);
 }
 
-/* What rays through the middles of pixels find, all of which are in a tile. few: all that they may meet, if that is
- * known. Corners and samples share one copy of the code. */
+/* What rays through the middles of pixels find, all of which are in a tile. Corners and samples share one copy of the
+ * code. */
 static __attribute__((noinline)) void find(const Frame *camera, const Scene *scene, const Places *places,
-                                           const int2 tile, const Few *few, Found *found, Work *work) {
+                                           const int2 tile, Found *found, Work *work) {
     const Frame frame = *camera;
     const Ray ray = for_shapes(frame, primary_ray(frame, places->size, places->column, places->row));
     Pixels pixels = {{INFINITY, -1, {0, 0, 1}}, {frame.background.x, frame.background.y, frame.background.z}};
     pixels.wanted = ALL_LANES;
     work->mark = work->texels = 0;
     work->uneven = 0;
-    const Hit hit = closest_among(scene, ray, tile, few, work);
+    const Hit hit = closest_hit(scene, ray, tile, work);
     MASK inside = 0;
     if (ANY(hit.id >= 0)) {
         const Intersection at = intersection_at(frame, scene, ray, hit);
@@ -128,7 +128,7 @@ static const Found *corners_of_row(const Frame frame, const Scene *scene, const 
         const int2 first = {corners->begin + i * PACKET_WIDTH, row};
         /* With a pixel more, the middle of the picture is half a pixel further, and a pixel's middle is a corner. */
         const Places places = {size + 1, first.x + LANE_COLUMN, first.y + LANE_ROW};
-        find(&frame, scene, &places, min(first / TILE, last), 0, &corners->of[slot][i], work);
+        find(&frame, scene, &places, min(first / TILE, last), &corners->of[slot][i], work);
     }
     return corners->of[slot];
 }
@@ -258,16 +258,16 @@ static int largest_contrast(const Totals *own) {
 }
 
 /* The sums over the rays through places of one pixel of a packet: those that come first, if these differ by little and
- * no texture may hide something, else all. few: as in find(). */
-static void sample_pixel(const Frame *finer, const Scene *scene, const Packet packet, const int lane, const Few *few,
-                         Totals *totals, Work *work) {
+ * no texture may hide something, else all. */
+static void sample_pixel(const Frame *finer, const Scene *scene, const Packet packet, const int lane, Totals *totals,
+                         Work *work) {
     const int n = 1 << scene->lattice.x;
     Totals own = NO_TOTALS;
     int end = ((const int *)&totals->uneven)[lane] ? n : 1 << log_first_few(scene);
     for (int first = 0; first < end && !is_over(scene); first += W) {
         const Places places = lattice_places(scene, packet, lane, first);
         Found found;
-        find(finer, scene, &places, packet.tile, few, &found, work);
+        find(finer, scene, &places, packet.tile, &found, work);
         add_rays(&found, first + LANE_NUMBER < n, &own);
         if (first + W >= end && largest_contrast(&own) > MOST_CONTRAST) end = n;
     }
@@ -312,7 +312,7 @@ static MASK try_few(const Frame *finer, const Scene *scene, const Packet packet,
         }
         const Places places = {packet.size * n, LOAD_LANES(x), LOAD_LANES(y)};
         Found found;
-        find(finer, scene, &places, packet.tile, 0, &found, work);
+        find(finer, scene, &places, packet.tile, &found, work);
         for (int lane = 0; lane < W && first + lane < 4 * count; lane++)
             add_ray(&found, lane, pixel[(first + lane) / 4], totals);
     }
@@ -337,16 +337,10 @@ static MASK add_samples(const Frame frame, const Scene *scene, const Packet pack
     if (ANY(view.doubtful))
         mixed = (mixed & !view.doubtful) | try_few(&finer, scene, packet, view.doubtful, totals, work);
     if (!ANY(mixed)) return mixed;
-    Candidates found;
-    gather_candidates(scene, packet.tile, view, mixed, &found);
     int each[W];
     STORE_LANES(mixed, each);
-    for (int lane = 0; lane < W; lane++) {
-        if (!each[lane]) continue;
-        Few few;
-        if (!found.full) list_few(&found, lane, &few);
-        sample_pixel(&finer, scene, packet, lane, found.full ? 0 : &few, totals, work);
-    }
+    for (int lane = 0; lane < W; lane++)
+        if (each[lane]) sample_pixel(&finer, scene, packet, lane, totals, work);
     return mixed;
 }
 

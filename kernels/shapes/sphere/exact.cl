@@ -10,10 +10,6 @@
  * the ray hits if D >= 0 and, unless c < 0, b > 0; it does so at t = (b - sqrt(D)) / a, or with a plus if c <= 0.
  */
 #if REAL_BYTES == 8
-typedef struct {
-    Pair x, y, z;
-} Pair3;
-
 static Pair dot_pairs(const Pair3 u, const Pair3 v) {
     return plus(plus(times(u.x, v.x), times(u.y, v.y)), times(u.z, v.z));
 }

@@ -50,16 +50,6 @@ static Real3 corners_of(const Spheres spheres, const INT number, const INT corne
     return v;
 }
 
-static Real3 difference(const Real3 a, const Real3 b) {
-    const Real3 d = {a.x - b.x, a.y - b.y, a.z - b.z};
-    return d;
-}
-
-static Real3 cross_of(const Real3 a, const Real3 b) {
-    const Real3 c = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-    return c;
-}
-
 /* The three corners of each lane's triangle, or their normals. fourth: the fourth number of the row that names them. */
 typedef struct {
     Real3 a, b, c;
