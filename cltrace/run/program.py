@@ -61,7 +61,6 @@ SOURCES = (
     "shapes/sphere/stops.cl",
     "shapes/cylinder/stops.cl",
     "shapes/triangle/stops.cl",
-    "shapes/shadow.cl",
     "find/proved.cl",
     "find/stopped.cl",
     "shade/phong.cl",

@@ -57,10 +57,10 @@ static MASK lit_after_list(const Scene *scene, const ShadowRay ray, const Start 
     if (ANY_FETCHED) fetch_ahead(scene, ray.number, first);
     for (int k = first; k < end; k++) {
         const int2 entry = scene->lists.entry[k];
-        const MASK deeper = lit & (ray.depth > as_float(entry.y)), may = in & deeper;
+        const MASK may = in & lit & (ray.depth > as_float(entry.y));
         if (!ANY(may)) break;
         if (ANY_FETCHED) fetch_entry(scene, ray.number, k + AHEAD);
-        lit = lit & !surface_stops(scene, ray, start, entry.x, may, deeper, work);
+        lit = lit & !ASK_SHAPE(scene->spheres, entry.x, shadow(scene, ray, start, entry.x, may, work));
     }
     return lit;
 }

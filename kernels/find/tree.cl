@@ -262,20 +262,12 @@ static void walk_together(const MASK live, Search *search) {
     }
 }
 
-/* The same where there is no tree: in all leaves. */
-static void try_leaves(const MASK live, Search *search) {
-    const Scene *scene = search->scene;
-    Bundle bundle;
-    bundle_rays(search, live, &bundle);
-    for (int leaf = 0; leaf < leaves_of(scene); leaf++) {
-        if (!make_room_for_packet(search, live)) decide_all(search);
-        const float furthest = LARGEST_FLOAT(live ? LOAD_LANES(search->reach) : (FLOAT)0.0f);
-        ASK_LEAF(scene->tree, leaf, add_leaf_for_packet(scene, leaf, live, &bundle, furthest, search));
-    }
-}
-
 /* All of these rays, those together that go into the same octant. */
 static void walk_all(const MASK live, Search *search) {
+    if (!HAS(WITH_TREE)) {
+        walk_each(live, search);
+        return;
+    }
     const FLOAT wx = LOAD_LANES(search->w[0]), wy = LOAD_LANES(search->w[1]), wz = LOAD_LANES(search->w[2]);
     MASK left = live;
     for (int bits = lane_bits(left); bits; bits = lane_bits(left)) {
@@ -283,9 +275,7 @@ static void walk_all(const MASK live, Search *search) {
         const MASK like = (AS(int, wx) ^ as_int(search->w[0][lane])) | (AS(int, wy) ^ as_int(search->w[1][lane])) |
                           (AS(int, wz) ^ as_int(search->w[2][lane]));
         const MASK group = left & (like >= 0);
-        if (HAS(WITH_TREE)) walk_together(group, search);
-        else if (popcount(lane_bits(group)) > ALONE) try_leaves(group, search);
-        else walk_each(group, search);
+        walk_together(group, search);
         left &= ~group;
     }
 }

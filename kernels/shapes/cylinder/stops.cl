@@ -101,7 +101,7 @@ static MASK cut_away(const Scene *scene, const ShadowRay ray, const Start start,
 /* The lanes of `may` that a cylinder stops. It is convex, so from outside the own one never does, and from inside it
  * does if and only if the light is outside of it. */
 static MASK cylinder_shadow(const Scene *scene, const ShadowRay ray, const Start start, const int index, MASK may,
-                            const MASK lit, Work *work) {
+                            Work *work) {
     const int number = index - FIRST_CYLINDER(scene->spheres);
     const MASK own = may & (ray.own == index);
     const RodGuess guess = guess_rod(scene, ray, number, may & !own);

@@ -48,15 +48,12 @@ static REAL_MASK stands_in_the_way(const Scene *scene, const ShadowRay ray, cons
                : sphere_stops(start, sphere, ray.w, ray.at_point, side);
 }
 
-/* The lanes of `may` that a sphere stops; none where the filter rules it out for all those of `asked`. */
-static MASK stopped_by(const Scene *scene, const ShadowRay ray, const Start start, const int index, MASK asked,
-                       MASK may, Work *work) {
-    if (!HAS(WITH_INSIDE)) {
-        asked = asked & (ray.own != index);
-        may = may & (ray.own != index);
-    }
-    if (!sphere_filter_leaves(scene, ray, index, asked)) {
-        COUNT(FILTERED, asked);
+/* The lanes of `may` that a sphere stops. */
+static MASK sphere_shadow(const Scene *scene, const ShadowRay ray, const Start start, const int index, MASK may,
+                          Work *work) {
+    if (!HAS(WITH_INSIDE)) may = may & (ray.own != index);
+    if (!sphere_filter_leaves(scene, ray, index, may)) {
+        COUNT(FILTERED, may);
         return 0;
     }
     COUNT(DECIDED, may);
@@ -65,32 +62,4 @@ static MASK stopped_by(const Scene *scene, const ShadowRay ray, const Start star
     if (!HAS(WITH_INSIDE)) return may & TO_MASK(stops);
     const REAL_MASK self = TO_REAL_MASK(ray.own == index);
     return may & TO_MASK((self & (start.side < 0) & ((REAL)side > 0)) | (!self & stops));
-}
-
-#define SHARES_ANSWERS (HAS(WITH_BLOCKS) && !HAS(WITH_SAMPLES) && KINDS_OF_SHAPES == 1 && W > 1 && REAL_BYTES == 8)
-/* The lanes of `lit` for which the answer of sphere_stops() counts, whichever lists they have. Few spheres stop most
- * rays of a packet, so what is read later is asked for fewer lanes: with 100 lights, frames take 0.8 to 0.95 of the
- * time. Samples of one pixel mostly have the same list: there it takes 1.03 of the time.
- *
- * No bit changes: a ray is stopped if any sphere stops it, and where sphere_stops() says so in double, the ray's own
- * list has that sphere. Proof. Let u = 2^-53, f and w the ways from P to the sphere's centre and to the light, r the
- * sphere's radius and R that of P's own sphere. f is off by less than 2 u (|f| + R), and where the discriminant changes
- * its sign, the sphere's rim is off by less than 4 u (|f| + r). With r and R at most 16 |w|, and |f| <= |w| + r of what
- * stops a ray, both together are less than 6 (17 + 16) u |w| + 32 u |w| < 2^-45 |w|. Lists are made for spheres that
- * look larger by 2^-44 at least [FINE_SLACK in cltrace/plan/accel/silhouettes.py]. To a parallel light |w| = 1 in the
- * float buffers' unit, in which coordinates are about 1 at most. Where the rays `touch`, |w|^2 may have vanished in
- * float. In single there is no such room. */
-static MASK shared_by(const Scene *scene, const ShadowRay ray, const Start start, const int index, const MASK lit) {
-    if (ray.touches) return 0;
-    const float r = (float)(scene->spheres.center_radius[index].w * scene->unit);
-    const FLOAT R = TO_FLOAT(start.own.r * scene->unit);
-    return lit & (FMA(R, R, (FLOAT)(r * r)) <= 0x1p8f * ray.a);
-}
-
-/* The lanes that a sphere stops, of those of `may`, which ask, and of others of `lit`, for which the answer is the
- * same. */
-static MASK sphere_shadow(const Scene *scene, const ShadowRay ray, const Start start, const int index, const MASK may,
-                          const MASK lit, Work *work) {
-    const MASK all = SHARES_ANSWERS ? may | shared_by(scene, ray, start, index, lit) : may;
-    return stopped_by(scene, ray, start, index, may, all, work);
 }

@@ -150,7 +150,7 @@ static __attribute__((noinline)) MASK decide_stops(const Spheres *all, const rea
 /* The lanes of `may` in which a triangle stands between P and the light: in which the ray meets it, and P is beyond its
  * plane. As seen from a light at a point, with w the way to P, that is 1/t > 1; of a parallel light P is deeper. */
 static MASK triangle_shadow(const Scene *scene, const ShadowRay ray, const Start start, const int index, MASK may,
-                            const MASK lit, Work *work) {
+                            Work *work) {
     const int number = index - FIRST_TRIANGLE(scene->spheres);
     may = may & (ray.own != index);
     MASK unsure = may, inside = 0, stops = 0;
