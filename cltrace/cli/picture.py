@@ -21,8 +21,7 @@ from cltrace.picture.image import USUAL, Image, Output, Show
 from cltrace.picture.palettes import FAR, NEAR, depth_range
 from cltrace.picture.storing import BY_ROWS, CHANNELS
 from cltrace.process.console import tell
-from cltrace.renderers.renderer import Renderer
-from cltrace.renderers.strips import strips
+from cltrace.renderers.renderer import Renderer, strips
 from cltrace.run.devices import choose
 from cltrace.scene import Scene
 

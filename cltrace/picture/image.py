@@ -116,26 +116,17 @@ class Image:
 
     def __init__(
         self,
-        rgb8: NDArray[np.uint8] | None = None,
-        color: NDArray[np.float32] | None = None,
-        normal: NDArray[np.float32] | None = None,
-        direction: NDArray[np.float32] | None = None,
-        depth: NDArray[np.float64] | None = None,
-        id: NDArray[np.int32] | None = None,
-        primitive: NDArray[np.int32] | None = None,
-        uv: NDArray[np.float32] | None = None,
-        error: NDArray[np.float32] | None = None,
-        coverage: NDArray[np.float32] | None = None,
-        shadow_rays: NDArray[np.int32] | None = None,
-        work: NDArray[np.int32] | None = None,
-        rgba8: NDArray[np.uint8] | None = None,
-        alpha: NDArray[np.float32] | None = None,
+        *,
         seconds: dict[str, float] | None = None,
         frame: Any = None,
         transfer: Transfer = "linear",
+        **outputs: NDArray[Any] | None,
     ) -> None:
-        given = locals()
-        self.__dict__.update({name: given[name] for name in OUTPUTS if given[name] is not None})
+        for name, array in outputs.items():
+            if name not in OUTPUTS:
+                raise TypeError(f"{name}: must be one of {', '.join(OUTPUTS)}")
+            if array is not None:
+                setattr(self, name, array)
         self.seconds = seconds or {}
         self.frame = frame
         self.transfer = transfer
@@ -153,7 +144,7 @@ class Image:
     @property
     def outputs(self) -> tuple[Output, ...]:
         """The names of the outputs that it has."""
-        return tuple(name for name in OUTPUTS if name in self.__dict__)
+        return tuple(name for name in OUTPUTS if name in vars(self))
 
     @property
     def _size(self) -> tuple[int, int]:

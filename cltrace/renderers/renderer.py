@@ -1,10 +1,10 @@
-"""A scene goes through plan and run, and comes out as an Image."""
+"""A scene goes through plan and run, and comes out as an Image, whole or in strips of rows."""
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NoReturn
@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.base.errors import DeviceError
+from cltrace.base.errors import DeviceError, OutOfMemoryError
 from cltrace.base.limits import MAX_PIXELS, MAX_SIDE
 from cltrace.base.progress import bar
 from cltrace.base.waiting import Stopwatch
@@ -39,6 +39,11 @@ SAMPLES = 32
 PROBES, PROBED = (4, 2), 2**28
 # So many of these rays are traced at a time, which bounds the memory that they take.
 BAND = 2**22
+# Strips begin at multiples of so many rows, which every packet divides.
+STEP = 16
+# Bytes of what the kernel writes that are in memory at once where a picture is drawn in strips. Files take up to twice
+# as much beside them.
+STRIP_BYTES = 2**26
 
 
 def samples_of(antialias: bool, samples: int | None) -> int | None:
@@ -512,3 +517,29 @@ def render(
     how: dict[str, Any] = {"precision": precision, "outputs": outputs, "crop": crop, "truncate": truncate}
     how |= {"antialias": antialias, "samples": samples, "outline": outline, "fog": fog}
     return Renderer(scene, device, **how).render(progress=progress)
+
+
+def strips(renderer: Renderer, progress: bool | None = None) -> Iterator[tuple[int, Image]]:
+    """The picture of a renderer, as Images of some rows, each after their number: a multiple of STEP but for the last.
+
+    A small picture is one Image. Where the memory of the device or of this process is too small, strips become smaller.
+    They have one limit of seconds, to which drawing alone counts. progress: as of Renderer.render(), which says what is
+    raised, too.
+    """
+    _, first, width, height = renderer.region
+    end, rows = first + height, max(STEP, STRIP_BYTES // (width * renderer.bytes_a_pixel) // STEP * STEP)
+    watch = Stopwatch(own=renderer.device.kind == "cpu")
+    watch.halt()
+    with bar(height, "row", progress) as shown:
+        while first < end:
+            last = min(first + rows, end)
+            part = renderer if last - first == height else renderer.rows(first, last, watch)
+            try:
+                image = part.draw(shown.update)
+            except (OutOfMemoryError, MemoryError):
+                if last - first <= STEP:
+                    raise
+                rows = max(STEP, (last - first) // (2 * STEP) * STEP)
+            else:
+                yield last - first, image
+                first = last

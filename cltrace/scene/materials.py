@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -45,17 +45,30 @@ COEFFICIENTS = ("ka", "kd", "ks", "exponent", "reflectance", "transmittance")
 
 
 class Frozen:
-    """Read-only arrays, in pickles too; a pickle has the fields and not what is worked out from them."""
+    """A dataclass of read-only arrays, in pickles too, which have the fields and not what is worked out from them."""
+
+    @classmethod
+    def made_of(cls, state: Mapping[str, Any]) -> Self:
+        """One with these fields, which are right: they are neither checked nor copied."""
+        made = cls.__new__(cls)
+        made.__setstate__(state)
+        return made
+
+    def changed(self, **values: Any) -> Self:
+        """The same with other fields, as of made_of(). It shares the others, and what has been worked out from them."""
+        return self.made_of(vars(self) | values)
 
     def __getstate__(self) -> dict[str, Any]:
-        state = {f.name: self.__dict__[f.name] for f in fields(self)}  # type: ignore[arg-type]
+        state = {f.name: vars(self)[f.name] for f in fields(self)}  # type: ignore[arg-type]
         # Of an array in C order, a pickle may have the memory beside it, which dask then does not copy.
-        return {k: np.ascontiguousarray(v) if isinstance(v, np.ndarray) else v for k, v in state.items()}
+        return {k: np.asarray(v, order="C") if isinstance(v, np.ndarray) else v for k, v in state.items()}
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
         for name, value in state.items():
-            if isinstance(value, np.ndarray):
-                value.flags.writeable = False
+            parts = value.values() if isinstance(value, Mapping) else value if isinstance(value, tuple) else (value,)
+            for array in parts:
+                if isinstance(array, np.ndarray):
+                    array.flags.writeable = False
             object.__setattr__(self, name, value)
 
 
@@ -118,15 +131,9 @@ class Material(Frozen):
         values |= {"index": float(number), "texture": None if texture is None else texels("material.texture", texture)}
         self.__setstate__(values)
 
-    def with_texture(self, texture: Texture) -> Material:
-        """The same with another texture, which is taken as it is."""
-        other = object.__new__(Material)
-        other.__setstate__({**self.__dict__, "texture": texture})
-        return other
-
     def __repr__(self) -> str:
         image = None if self.texture is None else f"<{described(self.texture)}>"
-        values = {**self.__dict__, "texture": image}
+        values = vars(self) | {"texture": image}
         return f"Material({', '.join(f'{name}={value}' for name, value in values.items())})"
 
 

@@ -76,19 +76,6 @@ class Geometry(Frozen):
         }
         self.__setstate__(state)
 
-    def with_corners(
-        self,
-        normals: NDArray[np.float64],
-        normal_of: NDArray[np.int32],
-        uv: NDArray[np.float64],
-        uv_of: NDArray[np.int32],
-    ) -> Geometry:
-        """The same triangles with these at their corners, which are right and become read-only."""
-        other = object.__new__(Geometry)
-        corners = {"normals": normals, "normal_of": normal_of, "uv": uv, "uv_of": uv_of}
-        other.__setstate__(self.__dict__ | corners)
-        return other
-
     def __repr__(self) -> str:
         return f"<cltrace geometry: {len(self.faces)} triangles, {len(self.vertices)} vertices>"
 
@@ -174,9 +161,7 @@ class PlacedMesh(Frozen):
 
     def of(self, material: int, number: int) -> PlacedMesh:
         """The same with another material and number; shares the arrays."""
-        other = object.__new__(PlacedMesh)
-        other.__setstate__({**self.__dict__, "material": material, "number": number})
-        return other
+        return self.changed(material=material, number=number)
 
     def moved(self, offset: NDArray[np.float64], number: int) -> PlacedMesh:
         """The same with another number, moved in the world, scene units; shares the geometry."""
@@ -250,18 +235,8 @@ class Mesh(Frozen):
             if uv is not None:
                 raise ValueError("mesh.uv: must not be given together with colors or values")
             places, uv_of = found.uv, found.uv_of
-        geometry = bare.with_corners(directions, normal_of, places, uv_of)
-        self._fill(geometry, material, transform, found)
-
-    def _fill(
-        self, geometry: Geometry, material: Material, transform: ArrayLike | None, colors: MeshColors | None
-    ) -> None:
-        if not isinstance(material, Material):
-            raise TypeError(f"mesh.material: must be a cltrace.Material, got {described(material)}")
-        if colors and material.texture is not None:
-            raise ValueError("mesh.material: must have no texture where there are colors or values")
-        placed = PlacedMesh(geometry) if transform is None else _transformed(geometry, transform)
-        self.__setstate__({"geometry": geometry, "material": material, "placed": placed, "colors": colors})
+        geometry = bare.changed(normals=directions, normal_of=normal_of, uv=places, uv_of=uv_of)
+        self.__setstate__(_checked_parts(geometry, material, transform, found))
 
     @property
     def vertices(self) -> NDArray[np.float64]:
@@ -302,9 +277,7 @@ class Mesh(Frozen):
         if isinstance(thing, Mesh):
             if any(given is not None for given in shown.values()):
                 raise ValueError("mesh.colors: must not be given with a Mesh, which has its own")
-            mesh = cls.__new__(cls)
-            mesh._fill(thing.geometry, material, transform, thing.colors)
-            return mesh
+            return thing.changed(**_checked_parts(thing.geometry, material, transform, thing.colors))
         found = Found.of(thing)
         own = found.colors if colors is None and values is None else colors
         shown |= {"colors": own, "values": found.values(values)}
@@ -312,6 +285,18 @@ class Mesh(Frozen):
 
     def __repr__(self) -> str:
         return f"<cltrace.Mesh: {len(self.geometry.faces)} triangles, {len(self.geometry.vertices)} vertices>"
+
+
+def _checked_parts(
+    geometry: Geometry, material: Material, transform: ArrayLike | None, colors: MeshColors | None
+) -> dict[str, Any]:
+    """The fields of a Mesh."""
+    if not isinstance(material, Material):
+        raise TypeError(f"mesh.material: must be a cltrace.Material, got {described(material)}")
+    if colors and material.texture is not None:
+        raise ValueError("mesh.material: must have no texture where there are colors or values")
+    placed = PlacedMesh(geometry) if transform is None else _transformed(geometry, transform)
+    return {"geometry": geometry, "material": material, "placed": placed, "colors": colors}
 
 
 def place_faults(to_world: NDArray[np.float64]) -> Iterator[str]:
@@ -376,7 +361,7 @@ def materials_shown(meshes: Iterable[Mesh], transfer: Transfer) -> list[Material
         key = (id(mesh.material), id(mesh.colors))
         if key not in made:
             own = mesh.colors
-            made[key] = mesh.material if own is None else mesh.material.with_texture(own.texture(transfer))
+            made[key] = mesh.material if own is None else mesh.material.changed(texture=own.texture(transfer))
         found.append(made[key])
     return found
 

@@ -25,6 +25,7 @@ from cltrace.scene.lights import check_lights, check_setting, joined, lamps_of, 
 from cltrace.scene.materials import (
     COEFFICIENTS,
     MATERIAL,
+    Frozen,
     Material,
     Texture,
     check_materials,
@@ -58,7 +59,7 @@ OTHER_FIELDS = tuple(f.name for row in OTHERS for f in fields(row))  # of Scene
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Scene:
+class Scene(Frozen):
     """Everything that a picture depends on. Immutable and picklable.
 
     `Scene.from_spheres` and `Scene.from_meshes` make one of plain arrays.
@@ -134,17 +135,9 @@ class Scene:
         color, alpha = background_of(background, background_alpha)
         state: dict[str, Any] = {"camera": camera, "lights": joined(lights), "output_file": output_file}
         state |= {"background": color, "background_alpha": alpha, "spheres": balls, "materials": shades}
-        self._fill(state | fields_of(others) | {"to_object": maps, "textures": images, "transfer": transfer})
-
-    def _fill(self, state: dict[str, Any]) -> None:
-        """Takes these fields as they are, of which all but lights and output_file have been checked.
-
-        `columns` may stand for spheres and materials.
-        """
-        if not isinstance(state["output_file"], str):
-            raise TypeError(f"output_file: must be a text, got {described(state['output_file'])}")
-        check_lights(state["lights"])
-        self.__setstate__({"scale": None} | state | {"source": None})
+        state |= fields_of(others) | {"to_object": maps, "textures": images, "transfer": transfer}
+        _check_rest(state)
+        self.__setstate__(state | {"scale": None, "source": None})
 
     def seen_by(self, camera: AnyCamera) -> Scene:
         """The same scene with another camera. It shares the arrays, so this takes no time however many spheres it has.
@@ -152,7 +145,7 @@ class Scene:
         dataclasses.replace() gives the same, but copies and checks everything anew.
         """
         _check_camera(camera)
-        return self._with(camera=camera)
+        return self.changed(camera=camera)
 
     def in_front_of(self, background: ArrayLike) -> Scene:
         """The same scene in front of another background, 3 numbers or with an alpha 4. It shares the arrays.
@@ -160,7 +153,7 @@ class Scene:
         Like those of from_spheres(), its colour is by the scene's transfer curve.
         """
         color, alpha = background_of(background, 1.0, self.transfer)
-        return self._with(background=color, background_alpha=alpha)
+        return self.changed(background=color, background_alpha=alpha)
 
     def lit_by(self, lights: Lights | str) -> Scene:
         """The same scene in other lights, those of a list or of a setting: see from_spheres(). It shares the arrays.
@@ -172,9 +165,9 @@ class Scene:
             lights = setting(lights, self)
         found = joined(lights)
         check_lights(found)
-        other = self._with(lights=found, source=None)
-        other.__dict__.pop("_lamps", None)
-        return other
+        state = vars(self) | {"lights": found, "source": None}
+        state.pop("_lamps", None)
+        return self.made_of(state)
 
     @property
     def lamps(self) -> NDArray[np.void]:
@@ -192,19 +185,13 @@ class Scene:
 
     def read_from(self, source: Source) -> Scene:
         """The same scene, which knows the file that it was read from. It shares the arrays."""
-        return self._with(source=source)
-
-    def _with(self, **changes: object) -> Scene:
-        other = object.__new__(type(self))
-        other.__setstate__({**self.__dict__, **changes})
-        return other
+        return self.changed(source=source)
 
     def with_fields(self, **changes: object) -> Scene:
         """The same scene with other fields, which are taken as they are. `columns` is that of spheres and materials."""
-        state = {**self.__getstate__(), "columns": self.columns, "source": None, **changes}
-        other = object.__new__(type(self))
-        other.__setstate__({name: value for name, value in state.items() if name not in ("spheres", "materials")})
-        return other
+        names = {f.name for f in fields(self)} - {"spheres", "materials"}
+        state = {name: getattr(self, name) for name in names} | {"columns": self.columns, "source": None}
+        return self.made_of(state | changes)
 
     @property
     def shapes(self) -> tuple[Surfaces, ...]:
@@ -261,20 +248,13 @@ class Scene:
 
     def __getattr__(self, name: str) -> Any:
         """The records, which a scene of plain arrays has only if it is asked for them."""
-        if name in ("spheres", "materials") and "columns" in self.__dict__:
+        if name in ("spheres", "materials") and "columns" in vars(self):
             return getattr(self.columns, name)
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def __getstate__(self) -> dict[str, Any]:
-        names = {f.name for f in fields(self)} & set(self.__dict__)
-        return {name: self.__dict__[name] for name in (names if "spheres" in names else {*names, "columns"})}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        for name, value in state.items():
-            for array in value if name == "textures" else (value,):
-                if isinstance(array, np.ndarray):
-                    array.flags.writeable = False
-            object.__setattr__(self, name, value)
+        names = {f.name for f in fields(self)} & vars(self).keys()
+        return {name: vars(self)[name] for name in (names if "spheres" in names else {*names, "columns"})}
 
     @classmethod
     def from_spheres(
@@ -419,12 +399,14 @@ class Scene:
         n = len(columns)
         placed = tuple(mesh.placed.of(place[id(shown[i])], n + i) for i, mesh in enumerate(meshes))
         check_size(placed)
-        scene, (color, alpha) = cls.__new__(cls), background_of(background, 1.0, transfer)
-        state = {**fields_of(row() for row in OTHERS), **given, "transfer": transfer}
+        color, alpha = background_of(background, 1.0, transfer)
+        state = {**fields_of(row() for row in OTHERS), "scale": None, "source": None, **given, "transfer": transfer}
         state |= {"columns": replace(columns, shade=shade, rest=more)}
         state |= {"background": color, "background_alpha": alpha, "meshes": placed, "textures": images}
         named = isinstance(given["lights"], str)
-        scene._fill(state | {"lights": joined(())} if named else state)
+        state |= {"lights": joined(())} if named else {}
+        _check_rest(state)
+        scene = cls.made_of(state)
         return scene.lit_by(given["lights"]) if named else scene
 
     def with_cylinders(
@@ -502,6 +484,13 @@ def _check_numbers(others: Sequence[NumberedSurfaces]) -> None:
     for number in found[counts > 1].tolist():
         last = next(shape for shape in reversed(others) if number in shape.numbers)
         raise ValueError(f"{last.words}.number: {number} is given twice")
+
+
+def _check_rest(state: dict[str, Any]) -> None:
+    """Raises TypeError and ValueError, as Scene does, for the fields output_file and lights."""
+    if not isinstance(state["output_file"], str):
+        raise TypeError(f"output_file: must be a text, got {described(state['output_file'])}")
+    check_lights(state["lights"])
 
 
 def share_all_but_camera(old: Scene, new: Scene) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -18,7 +18,7 @@ from cltrace.base.arithmetic import inverses
 from cltrace.base.arrays import blockwise
 from cltrace.base.limits import MAX_SPHERES
 from cltrace.scene.colors import color_numbers
-from cltrace.scene.materials import COEFFICIENTS, MATERIAL, check_index, packed
+from cltrace.scene.materials import COEFFICIENTS, MATERIAL, Frozen, check_index, packed
 from cltrace.scene.rules import (
     ANY,
     NOT_NEGATIVE,
@@ -189,7 +189,7 @@ ARGUMENTS = {"color": "colors", **{name: name for name in (*COEFFICIENTS, "index
 
 
 @dataclass(frozen=True, eq=False)
-class Columns:
+class Columns(Frozen):
     """n spheres and m materials. A quantity that all of them share is one value, without the first axis. Read-only.
 
     center: (n, 3), and radius: (n,) or (), in scene units; material: (n,) or (), index of a sphere's material, None
@@ -209,10 +209,7 @@ class Columns:
     follows: bool = False
 
     def __post_init__(self) -> None:
-        arrays = (self.center, self.radius, self.material, self.to_object, self.rest, *self.shade.values())
-        for array in arrays:
-            if array is not None:
-                array.flags.writeable = False
+        self.__setstate__(vars(self).copy())
 
     def __len__(self) -> int:
         """n."""
@@ -265,13 +262,6 @@ class Columns:
         out = packed(self.materials_count, self.every_shade())
         out.flags.writeable = False
         return out
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {f.name: self.__dict__[f.name] for f in fields(self)}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self.__post_init__()
 
 
 def points(centers: ArrayLike, radii: ArrayLike) -> NDArray[Any]:

@@ -13,7 +13,7 @@ from random_scenes import usual_scene
 
 from cltrace import Renderer, TooSlowError, cli
 from cltrace.base.waiting import Stopwatch
-from cltrace.renderers import strips
+from cltrace.renderers import renderer as module
 from cltrace.run import executor
 from cltrace.run.devices import Device
 from cltrace.run.executor import Executor, Frame
@@ -52,7 +52,7 @@ def test_files_are_those_of_whole_pictures(
     monkeypatch.setattr(Renderer, "draw", lambda self, *a: drawn.append(self.region[3]) or draw(self, *a))
     assert cli.main([str(SCENE), *SIZE, *FILES, *WAYS[way]]) == 0
     want, height = [Path(name).read_bytes() for name in names], max(drawn)
-    monkeypatch.setattr(strips, "ROOM", 2**12)
+    monkeypatch.setattr(module, "STRIP_BYTES", 2**12)
     drawn.clear()
     assert cli.main([str(SCENE), *SIZE, *FILES, *WAYS[way]]) == 0
     assert [Path(name).read_bytes() for name in names] == want
@@ -70,7 +70,7 @@ def test_strips_become_smaller_where_memory_does_not_suffice(
     renderer = Renderer(usual_scene(), device)
     want = renderer.render().rgb8
     fails_above(monkeypatch, 20, error)
-    parts = list(strips.strips(renderer))
+    parts = list(module.strips(renderer))
     assert {rows for rows, _ in parts[:-1]} == {16}
     assert np.array_equal(np.concatenate([image.rgb8 for _, image in parts]), want)
     assert cli.main([str(SCENE), *SIZE, "-o", "a.png"]) == 0
@@ -85,19 +85,19 @@ def test_strips_have_one_limit_of_seconds(monkeypatch: pytest.MonkeyPatch) -> No
         now += 1
 
     monkeypatch.setattr(watch, "_clocks", (lambda: now,))
-    monkeypatch.setattr(strips, "Stopwatch", lambda own: watch.begin() or watch)
-    monkeypatch.setattr(strips, "ROOM", 2**12)
+    monkeypatch.setattr(module, "Stopwatch", lambda own: watch.begin() or watch)
+    monkeypatch.setattr(module, "STRIP_BYTES", 2**12)
     renderer, render = Renderer(usual_scene()), Executor._render
     want = renderer.render().rgb8
     monkeypatch.setattr(executor, "MAX_SECONDS", 1.5)
     parts = []
-    for _, image in strips.strips(renderer):
+    for _, image in module.strips(renderer):
         parts.append(image.rgb8)
         pass_by()
     assert len(parts) > 2
     assert np.array_equal(np.concatenate(parts), want)
     monkeypatch.setattr(Executor, "_render", lambda self, *where: pass_by() or render(self, *where))
-    drawn = strips.strips(renderer)
+    drawn = module.strips(renderer)
     next(drawn)  # in time
     with pytest.raises(TooSlowError):
         list(drawn)
@@ -138,7 +138,7 @@ def test_a_fault_while_strips_are_written_names_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(strips, "ROOM", 2**12)
+    monkeypatch.setattr(module, "STRIP_BYTES", 2**12)
     line = [str(SCENE), *SIZE, "-o", "a.png", "-o", "/dev/full", "-o", "a.npy"]
     monkeypatch.setattr("cltrace.cli.files.check_target", lambda *_: None)
     monkeypatch.setattr("cltrace.cli.files.suffix_of", lambda target: Path(target).suffix or ".npy")

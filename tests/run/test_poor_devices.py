@@ -19,7 +19,7 @@ from conftest import SCENES as ALL_SCENES
 
 import cltrace
 from cltrace.base.errors import BuildError
-from cltrace.renderers.strips import strips
+from cltrace.renderers.renderer import strips
 from cltrace.run import program
 from cltrace.run.devices import Device
 from cltrace.run.program import Kernel
