@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 from smooth import HD, balls, grid, shell
 
 import cltrace
-from cltrace.bench.peers import embree
-from cltrace.bench.peers.peer import call
+from cltrace.bench import peers
 from cltrace.bench.scenes import bowl, cloud, hills, meshed, scattered
 from cltrace.scene import Scene
 
@@ -141,19 +140,19 @@ class Rival:
     """Embree with trees of high quality, and of medium quality."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._high = embree.build(folder)
-        source = Path(embree.__file__).with_suffix(".cpp").read_text()
+        self._high = peers.embree_tracers(folder)[0]
+        source = Path(peers.__file__).with_name("embree.cpp").read_text()
         changed = folder / "medium.cpp"
         changed.write_text(source.replace("RTC_BUILD_QUALITY_HIGH", "RTC_BUILD_QUALITY_MEDIUM"))
-        self._medium = str(folder / "medium")
-        call(["g++", *embree._FLAGS, str(changed), "-o", self._medium, "-lembree3", "-lpthread"])
+        program = str(folder / "medium")
+        peers.call(["g++", *peers.BUILD, str(changed), "-o", program, "-lembree3", "-lpthread"])
+        self._medium = peers.Embree(program, folder, self._high.version)
 
     def times(self, scene: Scene, medium: bool = False) -> tuple[float, float]:
         """Seconds of a frame, and of a tree and a frame."""
-        tracer = embree.Embree(self._medium if medium else self._high, self._folder)
+        tracer = self._medium if medium else self._high
         runs = [tracer.run(scene, BEST) for _ in range(BEST)]
-        frame = min(min(run.kernel) for run in runs)
+        frame = min(min(run.frames) for run in runs)
         return frame, min(run.whole for run in runs)
 
 

@@ -1,134 +1,74 @@
-"""What was measured, as tables: for a terminal while it goes on, and in Markdown for docs/benchmark.md."""
+"""What was measured, as texts: tables for a terminal and for docs/benchmark.md, where peers are ahead, what has changed
+since another run, and that page itself.
+"""
 
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from itertools import groupby
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from statistics import geometric_mean
 
-from . import front, machine
-from .points import Point, Results, Spread, Way
+from cltrace.base.errors import UsageError
+from cltrace.picture.files import whole_file
+
+from .measure import ROOT, Point, Results, Spread, Wait, Work, load, sentence
 from .scenes import GROUPS
-from .texts import UNSTEADY, milliseconds, number, percent
-from .ways import WAYS
+from .user import WAYS
 
-COLUMNS = ("frame ms", "quartiles", "whole ms", "wrong ids", "t ulp", "normal rad", "false sh.", "leaks", "RMS levels",
-           "bytes differ")  # fmt: skip
-
-
-def cells(point: Point) -> list[str]:
-    """A point's texts under COLUMNS, with times in ms."""
-    time, e = point.time, point.errors
-    quartiles = f"{number(1e3 * time.low, 3)}..{number(1e3 * time.high, 3)}" if time.rounds else ""
-    counts = (e.wrong_ids, e.t_ulp, e.normal, e.false_shadows, e.leaks) if e else ()
-    found = [number(x) if isinstance(x, float) else f"{x:,}" for x in counts] or [""] * 5
-    off = "" if point.rms is None else number(point.rms)
-    return [milliseconds(time), quartiles, milliseconds(point.way), *found, off, percent(point.differ)]
+# Stands where repeated rounds do not agree.
+UNSTEADY = "~"
+# Errors that are closer to each other than this share are equal: the luck of the draw.
+EQUAL = 0.01
+PAGE, RESULTS, COUNTED = Path("docs/benchmark.md"), Path("docs/benchmark.json"), Path("tests/bench/counted.json")
+BEGIN, END = "<!-- made by cltrace-bench --publish -->", "<!-- until here -->"
 
 
-def title(point: Point) -> str:
-    width, height = point.size
-    counts = {"sphere": point.spheres, "triangle": point.triangles, "cylinder": point.cylinders}
-    shapes = ", ".join(f"{n:,} {name}{'s' * (n != 1)}" for name, n in counts.items() if n or name == "sphere")
-    return f"{point.group}: {point.scene} ({shapes}, {width}x{height})"
+def number(value: float, digits: int = 2) -> str:
+    """A number as text, with this many digits in as few characters as will do; empty for NaN."""
+    if math.isnan(value):
+        return ""
+    if value == 0 or math.isinf(value):
+        return "0" if value == 0 else "inf"
+    if 1e-3 <= abs(value) < 1e5:
+        places = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+        return f"{value:,.{places}f}"
+    return f"{value:.{digits - 1}e}".replace("e-0", "e-").replace("e+0", "e")
 
 
-def table(lines: Sequence[Sequence[str]]) -> list[str]:
-    """Columns below each other, the first one to the left."""
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return [
-        "  ".join(
-            c.ljust(w) if i == 0 else c.rjust(w) for i, (c, w) in enumerate(zip(line, widths, strict=True))
-        ).rstrip()
-        for line in lines
-    ]
+def percent(share: float | None) -> str:
+    return "" if share is None or math.isnan(share) else f"{number(100 * share)} %"
 
 
-def scene_table(points: Sequence[Point]) -> str:
-    """The points of one scene, for a terminal."""
-    devices = list(dict.fromkeys(point.device for point in points if point.device))
-    sample = next((point.sample.pixels for point in points if point.sample), 0)
-    lines = [["", *COLUMNS]]
-    notes = []
-    for point in points:
-        where = f" [{devices.index(point.device)}]" if len(devices) > 1 and point.device else ""
-        if point.kernel or point.whole or point.errors:
-            star = "*" if point.picture is None and point.sample is not None else ""
-            lines.append([point.label + where + star, *cells(point)])
-        if note := point.note or ", ".join(point.refused):
-            notes.append(f"{point.label}{where}: {note}")
-    if any(line[0].endswith("*") for line in lines):
-        notes.append(f"* is what whole pictures are held against; its own errors are those of {sample} exact pixels")
-    notes += [f"held against {text}" for text in dict.fromkeys(point.truth for point in points) if text]
-    if any(UNSTEADY in cell for line in lines for cell in line):
-        notes.append("~ repeated rounds do not agree within 10 %")
-    return "\n".join([title(points[0]), *(f"  {line}" for line in [*table(lines), *notes])])
+def milliseconds(time: Spread, digits: int = 3) -> str:
+    """The median, with a ~ where the rounds do not agree."""
+    return number(1e3 * time.median, digits) + UNSTEADY * (not time.steady)
 
 
-def ways_table(ways: Sequence[Way]) -> str:
-    """What a user waits for, for a terminal."""
-    return "\n".join(f"  {line}" for line in table(_ways(ways)))
-
-
-def _ways(ways: Sequence[Way]) -> list[list[str]]:
-    lines = [["what a user waits for", *(f"{way}, ms" for way in WAYS), "memory MB", "read MB"]]
-    for (scene, tracer), some in groupby(ways, lambda way: (way.scene, way.tracer)):
-        mine = {way.way: way for way in some if way.seconds}
-        if mine:
-            most = [
-                max((v for w in mine.values() if (v := getattr(w, name))), default=math.nan)
-                for name in ("memory", "read")
-            ]
-            lines.append([f"{scene}: {tracer}", *(milliseconds(mine[w].time) if w in mine else "" for w in WAYS),
-                          *(number(v / 1e6) for v in most)])  # fmt: skip
-    return lines
-
-
-def took(spent: Mapping[str, Mapping[str, float]]) -> str:
-    """Where a run's seconds went, by the kind of step and by who was at work, the most first."""
-    steps = Counter({step: sum(of.values()) for step, of in spent.items()})
-    who: Counter[str] = sum(map(Counter, spent.values()), Counter())
-    said = f"It took {sum(steps.values()):.0f} s."
-    for what, counts in (("class", steps), ("program", who)):
-        if parts := [f"{name or 'the rest'} {s:.0f}" for name, s in counts.most_common() if s >= 1]:
-            said += f" By {what}: {', '.join(parts)}."
-    return said
+# ---------------------------------------------------------------------------------------------- points, put together
 
 
 def by_group(points: Iterable[Point]) -> dict[str, list[Point]]:
     """Points by class of scene, in the order of GROUPS; only of classes that have some."""
     points = list(points)
-    return {group: mine for group in GROUPS if (mine := [p for p in points if p.group == group and p.kernel])}
+    return {group: mine for group in GROUPS if (mine := [p for p in points if p.group == group and p.frames])}
 
 
-def tracers_of(points: Iterable[Point]) -> dict[tuple[str, str], list[Point]]:
-    """Points by label and device, in the order in which they were measured."""
-    out: dict[tuple[str, str], list[Point]] = {}
+def by_label(points: Iterable[Point]) -> dict[str, list[Point]]:
+    """Points by tracer, in the order in which they were measured."""
+    out: dict[str, list[Point]] = {}
     for point in points:
-        out.setdefault((point.label, point.device), []).append(point)
+        out.setdefault(point.label, []).append(point)
     return out
 
 
 def mean_time(points: Sequence[Point]) -> Spread:
-    """The geometric means of median and quartiles of the points' times, and the fewest rounds of them."""
-
-    def mean(values: Iterable[float]) -> float:
-        return math.exp(math.fsum(map(math.log, values)) / len(points))
-
+    """The geometric means of median and quartiles; steady if all are."""
     times = [point.time for point in points]
-    low, median, high = (mean(getattr(t, name) for t in times) for name in ("low", "median", "high"))
-    return Spread(low, median, high, min(t.rounds for t in times))
-
-
-def steady(points: Iterable[Point]) -> bool:
-    """Whether the rounds of each agree."""
-    return all(point.time.steady for point in points)
-
-
-def worst(points: Iterable[Point], name: str) -> float:
-    """The largest error of one kind, by the name of a field of Errors; NaN if none is known."""
-    return max((float(getattr(point.errors, name)) for point in points if point.errors), default=math.nan)
+    low, median, high = (geometric_mean(getattr(time, name) for time in times) for name in ("low", "median", "high"))
+    return Spread(low, median, high, all(time.steady for time in times))
 
 
 def worst_share(points: Iterable[Point]) -> float:
@@ -141,84 +81,250 @@ def complete(points: Sequence[Point], group: Sequence[Point]) -> bool:
     return {point.scene for point in points} == {point.scene for point in group}
 
 
+# ------------------------------------------------------------------------------------------------------------- tables
+
+
+def scene_table(points: Sequence[Point]) -> str:
+    """The points of one scene, for a terminal."""
+    width, height = points[0].size
+    lines = [["", "frame ms", "whole ms", "wrong ids", "t ulp", "false sh.", "leaks", "RMS", "differ"]]
+    for point in points:
+        e, off = point.errors, "" if point.rms is None else number(point.rms)
+        counts = [f"{e.wrong_ids:,}", number(e.t_ulp), f"{e.false_shadows:,}", f"{e.leaks:,}"] if e else [""] * 4
+        if point.frames:
+            times = milliseconds(point.time), milliseconds(Spread.of(point.whole))
+            lines.append([point.label, *times, *counts, off, percent(point.differ)])
+    title = f"{points[0].group}: {points[0].scene} ({points[0].surfaces:,} surfaces, {width}x{height})"
+    return "\n  ".join([title, aligned(lines), *(f"{p.label}: {p.note}" for p in points if p.note)])
+
+
+def aligned(lines: Sequence[Sequence[str]]) -> str:
+    """Columns below each other, the first one to the left."""
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    rows = ((c.rjust(w) if k else c.ljust(w) for k, (c, w) in enumerate(zip(line, widths, strict=True)))
+            for line in lines)  # fmt: skip
+    return "\n  ".join("  ".join(row).rstrip() for row in rows)
+
+
+def markdown(lines: Sequence[Sequence[str]]) -> str:
+    """A table whose first line is its head."""
+    head, *rest = ("| " + " | ".join(line) + " |" for line in lines)
+    return "\n".join([head, "| " + " | ".join(["---"] * len(lines[0])) + " |", *rest])
+
+
 def summary(results: Results) -> str:
-    """What docs/benchmark.md says of a run: time and error of each tracer by class, its worst errors, whole ways, where
-    peers are ahead, and where all that comes from."""
-    points = [p for p in results.points if p.kernel and not p.variant and p.group in GROUPS]
-    curves = [p for p in results.points if p.kernel and p.level is not None]
-    out = [*_classes([p for p in points if p.level is None]), ""]
-    if curves:
-        out += [*_curves(curves), ""]
-    if results.ways:
-        out += [*_markdown(_ways(results.ways)), ""]
+    """What docs/benchmark.md says of a run."""
+    points = [point for point in results.points if point.frames and point.group in GROUPS]
+    classes = _classes([point for point in points if point.level is None and not point.variant])
+    curves, waits = _curves([point for point in points if point.level is not None]), waits_table(results.waits)
+    parts = [markdown(classes), *(markdown(table) for table in (curves, waits) if len(table) > 1)]
     if any(point.version for point in results.points):
-        out += [*front.told(results), ""]
-    versions = sorted({f"{point.tracer} {point.version}" for point in results.points if point.version})
-    sizes = sorted({point.size for point in points if point.level is None}, reverse=True)
-    said = [machine.sentence(results.about), f"Pictures of {', '.join(f'{w}x{h}' for w, h in sizes)} pixels."]
-    if versions:
-        said.append(f"Peers: {', '.join(versions)}.")
-    said += [f"{name} does not draw: {', '.join(kinds)}." for name, kinds in _refused(results.points).items()]
-    if spent := results.about.get("seconds"):
-        said.append(took(spent).partition(". ")[0].rstrip(".") + ".")
+        parts.append(ahead(results))
+    return "\n\n".join([*parts, _origin(results)]) + "\n"
+
+
+def _classes(points: Sequence[Point]) -> list[tuple[str, ...]]:
+    """A line for each class and kind of error, a column for each tracer."""
+    groups = by_group(points)
+    columns = [["", *groups, "wrong surfaces", "distance off by", "false shadows, leaks"]]
+    for label, mine in by_label(points).items():
+        column = [label]
+        for group in groups.values():
+            here = [point for point in mine if point in group]
+            cell = ""
+            if here and complete(here, group):
+                cell = ", ".join(filter(None, (f"{milliseconds(mean_time(here), 2)} ms", percent(worst_share(here)))))
+            column.append(cell)
+        known = [point.errors for point in mine if point.errors]
+        ids, shadows, leaks = (sum(getattr(e, n) for e in known) for n in ("wrong_ids", "false_shadows", "leaks"))
+        ulp = max((e.t_ulp for e in known), default=0.0)
+        columns.append(column + ([f"{ids:,}", f"{number(ulp)} ulp", f"{shadows:,}, {leaks:,}"] if known else [""] * 3))
+    return list(zip(*columns, strict=True))
+
+
+def _curves(points: Sequence[Point]) -> list[list[str]]:
+    """A line for each place on a curve: time and RMS of each of its scenes."""
+    scenes = list(dict.fromkeys((p.group, p.scene) for p in points))
+    lines = [["", *(f"{group}: {scene}" for group, scene in scenes)]]
+    for label, mine in by_label(points).items():
+        cells = {(p.group, p.scene): f"{milliseconds(p.time)} ms, {number(p.rms)}" for p in mine if p.rms is not None}
+        lines.append([label, *(cells.get(scene, "") for scene in scenes)])
+    return lines
+
+
+def waits_table(waits: Sequence[Wait]) -> list[list[str]]:
+    """A line for each scene and who is waited for, a column for each way."""
+    lines = [["what a user waits for", *(f"{way}, ms" for way in WAYS)]]
+    for scene, tracer in dict.fromkeys((wait.scene, wait.tracer) for wait in waits):
+        mine = {wait.way: milliseconds(wait.time) for wait in waits if (wait.scene, wait.tracer) == (scene, tracer)}
+        lines.append([f"{scene}: {tracer}", *(mine.get(way, "") for way in WAYS)])
+    return lines
+
+
+def _origin(results: Results) -> str:
+    """Where and when all that was measured, with what, and what is missing."""
+    sizes = sorted({p.size for p in results.points if p.level is None and p.group in GROUPS}, reverse=True)
+    said = [sentence(results.about), f"Pictures of {', '.join(f'{w}x{h}' for w, h in sizes)} pixels."]
+    peers = {f"{point.tracer} {point.version}": point.tracer for point in results.points if point.version}
+    for title, name in sorted(peers.items()):
+        notes = dict.fromkeys(p.note for p in results.points if p.tracer == name and p.note and not p.frames)
+        said.append(f"{title} does not draw {', '.join(notes)}." if notes else f"{title}.")
+    if "seconds" in results.about:
+        said.append(f"It took {results.about['seconds']:.0f} s.")
     if results.missing:
         said.append(f"Missing: {'; '.join(results.missing)}.")
     if not results.finished:
         said.append("**Interrupted**: this is a part of what there is to measure.")
     if results.loaded:
         said.append(f"**{results.loaded}**: times are in doubt.")
-    return "\n".join([*out, " ".join(said)]) + "\n"
+    return " ".join(said)
 
 
-def _refused(points: Iterable[Point]) -> dict[str, list[str]]:
-    """By peer, what it has not drawn, and what it has failed at."""
-    found: dict[str, dict[str, None]] = {}
-    for point in points:
-        if point.version and not point.kernel and (point.refused or point.note):
-            found.setdefault(point.tracer, {}).update(dict.fromkeys(point.refused or [point.note]))
-    return {name: list(kinds) for name, kinds in found.items()}
+# ----------------------------------------------------------------------------------------------- where peers are ahead
 
 
-def _markdown(lines: Sequence[Sequence[str]]) -> list[str]:
-    head, *rest = ("| " + " | ".join(line) + " |" for line in lines)
-    return [head, "| " + " | ".join(["---"] * len(lines[0])) + " |", *rest]
+def ahead(results: Results) -> str:
+    """Where another program is ahead of cltrace, in Markdown: each of its points for which none of ours is as fast and
+    as right, beside the fastest of ours that is as right, or else the most right one."""
+    lines = []
+    scenes: dict[tuple[str, str], list[Point]] = {}
+    for point in results.points:
+        if point.group in GROUPS and point.frames and not math.isnan(_error(point)):
+            scenes.setdefault((point.group, point.scene), []).append(point)
+    for (group, scene), some in scenes.items():
+        ours = [point for point in some if not point.version]
+        for peer in (point for point in some if point.version and ours):
+            as_right = [one for one in ours if _error(one) <= (1 + EQUAL) * _error(peer)]
+            best = min(as_right, key=_time) if as_right else min(ours, key=_error)
+            if not as_right or _time(best) > _time(peer):
+                lines.append(f"{group}, {scene}: {_told(peer)}, ours {_told(best)}")
+    for key in dict.fromkeys((wait.scene, wait.way) for wait in results.waits):
+        asked = [wait for wait in results.waits if (wait.scene, wait.way) == key]
+        best_wait = min((wait for wait in asked if not wait.version), key=_time, default=None)
+        for wait in asked:
+            if best_wait and wait.version and _time(wait) < _time(best_wait):
+                times = f"{wait.tracer} {milliseconds(wait.time)} ms, ours {milliseconds(best_wait.time)} ms"
+                lines.append(f"{', '.join(key)}: {times}")
+    head = f"Where another program is ahead of cltrace; errors within {100 * EQUAL:g} % of each other are equal:"
+    return "\n".join([f"{head}{'' if lines else ' nowhere.'}", "", *(f"- {line}" for line in lines)]).rstrip()
 
 
-def _classes(points: Sequence[Point]) -> list[str]:
-    """A line for each class and kind of error, a column for each tracer."""
-    groups = by_group(points)
-    devices = list(dict.fromkeys(point.device for point in points if point.device))
-    columns = [["", *groups, "wrong surfaces", "distance off by", "false shadows, leaks"]]
-    for (label, device), mine in tracers_of(points).items():
-        column = [f"{label}, {device}" if len(devices) > 1 and device else label]
-        for group in groups.values():
-            here = [point for point in mine if point in group]
-            ok = here and complete(here, group)
-            mark = "" if steady(here) else UNSTEADY
-            text = f"{number(1e3 * mean_time(here).median)}{mark} ms" if ok else ""
-            column.append(", ".join(part for part in (text, percent(worst_share(here))) if part) if ok else "")
-        columns.append(column + _worst_errors(mine))
-    return _markdown(list(zip(*columns, strict=True)))
+def _time(row: Point | Wait) -> float:
+    return row.time.median
 
 
-def _curves(points: Sequence[Point]) -> list[str]:
-    """A line for each place on a curve: time and RMS of each of its scenes."""
-    scenes = list(dict.fromkeys((p.group, p.scene) for p in points))
-    lines = [["", *(f"{group}: {scene}" for group, scene in scenes)]]
-    for (label, _), mine in tracers_of(points).items():
-        by = {(p.group, p.scene): p for p in mine}
-        texts = [
-            f"{milliseconds(p.time)} ms, {number(p.rms)}" if (p := by.get(s)) and p.rms is not None else ""
-            for s in scenes
-        ]
-        lines.append([label, *texts])
-    return _markdown(lines)
+def _error(point: Point) -> float:
+    """By which points are compared: RMS of what stands on a curve, else the share of pixels that differ."""
+    found = point.differ if point.level is None else point.rms
+    return math.nan if found is None else found
 
 
-def _worst_errors(points: Sequence[Point]) -> list[str]:
-    """Of one tracer, in all scenes: wrong surfaces, the largest error of a distance, false shadows and leaks."""
-    known = [point.errors for point in points if point.errors]
-    if not known:
-        return [""] * 3
-    shadows, leaks = (sum(getattr(e, name) for e in known) for name in ("false_shadows", "leaks"))
-    return [f"{sum(e.wrong_ids for e in known):,}", f"{number(worst(points, 't_ulp'))} ulp", f"{shadows:,}, {leaks:,}"]
+def _told(point: Point) -> str:
+    size = percent(point.differ) if point.level is None else f"RMS {number(_error(point))}"
+    return f"{point.label} {milliseconds(point.time)} ms at {size}"
+
+
+# -------------------------------------------------------------------------------------------------------- two runs
+
+
+# What fails a comparison.
+WORSE = ("slower", "less right", "more work", "gone")
+
+
+def changes(old: Results, new: Results, tolerance: float) -> list[tuple[str, str]]:
+    """All that has changed of what both have: its kind, and of what, from what to what.
+
+    tolerance: by what share times and errors may grow; of wrong pixels and counted work, nothing may. Times count on
+    the same machine, and where the rounds of both agree and their quartiles do not overlap.
+    """
+    found: list[tuple[str, str]] = []
+
+    def compare(name: str, before: float, now: float, less: str, more: str, share: float = 0.0) -> None:
+        if max(before, now) > min(before, now) * (1 + share):
+            found.append((more if now > before else less, f"{name}: {number(before, 3)} -> {number(now, 3)}"))
+
+    for now in new.points:
+        before = next((point for point in old.points if point.key == now.key), None)
+        for of in ("differ", "rms", "wrong_ids", "t_ulp", "false_shadows", "leaks") if before else ():
+            a, b = (getattr(p, of, getattr(p.errors, of, None)) for p in (before, now))  # type: ignore[union-attr]
+            if a is not None and b is not None:
+                share = tolerance if isinstance(b, float) else 0.0
+                compare(f"{now.group}: {now.scene}, {now.label}, {of}", a, b, "more right", "less right", share)
+    if all(old.about.get(name) == new.about.get(name) for name in ("cpu", "cores", "device")):
+        before_rows: list[Point | Wait] = [*old.points, *old.waits]
+        now_rows: list[Point | Wait] = [*new.points, *new.waits]
+        times = {row.key: row.time for row in before_rows}
+        for row in now_rows:
+            time, then = row.time, times.get(row.key)
+            if then and then.steady and time.steady and (time.low > then.high or then.low > time.high):
+                name = ", ".join(map(str, row.key))
+                compare(f"{name}, ms", 1e3 * then.median, 1e3 * time.median, "faster", "slower", tolerance)
+    for scene in old.work if new.work else ():
+        if scene not in new.work:
+            found.append(("gone", f"{scene}: is not counted any more"))
+            continue
+        for counter in dict.fromkeys([*old.work[scene], *new.work[scene]]):
+            a, b = (of.work[scene].get(counter, 0) for of in (old, new))
+            compare(f"{scene}, {counter}", a, b, "less work", "more work")
+    return found
+
+
+def told(found: Sequence[tuple[str, str]]) -> str:
+    """The changes, a line each, and how many there are of each kind."""
+    summed = ", ".join(f"{n} {kind}" for kind, n in sorted(Counter(kind for kind, _ in found).items()))
+    return "\n".join([*(f"{kind:<10}  {text}" for kind, text in sorted(found)), summed or "no changes"])
+
+
+# ------------------------------------------------------------------------------------------------------------ the page
+
+
+def publish(results: Results, counted: bool) -> list[Path]:
+    """Writes docs/benchmark.md, its results and figures; of counted work alone, that and the page. Returns the files.
+
+    counted: whether the counted work is that of today's code. Raises UsageError outside of a checkout.
+    """
+    if not (ROOT / PAGE).exists():
+        raise UsageError("--publish writes docs/benchmark.md, and this is no checkout")
+    written: list[Path] = []
+
+    def write(path: Path, text: str) -> None:
+        with whole_file(ROOT / path) as file:
+            file.write(text.encode())
+        written.append(path)
+
+    if results.points:
+        from .plots import save  # matplotlib takes a second to load, and need not be there
+
+        write(RESULTS, results.as_json())
+        written += [PAGE.parent / name for name in save(results, ROOT / PAGE.parent)]
+    if counted and results.work:
+        about = {"device": results.about["device"]}  # without what changes each day
+        write(COUNTED, Results(about, work=results.work, finished=True).as_json())
+    text = (ROOT / PAGE).read_text("utf-8")
+    head, _, tail = re.split(f"({BEGIN}.*?{END})", text, maxsplit=1, flags=re.DOTALL)
+    write(PAGE, head + block(load(ROOT / RESULTS), load(ROOT / COUNTED).work) + tail)
+    return written
+
+
+def block(published: Results, work: Work) -> str:
+    """What stands between BEGIN and END: whether the figures are those of today's code, and the tables."""
+    return "\n\n".join(filter(None, (BEGIN, aged(published.work, work), summary(published).rstrip(), END)))
+
+
+def aged(old: Work, now: Work) -> str:
+    """Says that the figures are older than the code, if a frame takes other work today; else nothing."""
+    changed = [
+        (now.get(scene, {}).get(name, 0) / count, scene, name)
+        for scene, counts in old.items()
+        for name, count in counts.items()
+        if now.get(scene, {}).get(name, 0) != count
+    ]
+    if not changed and old.keys() == now.keys():
+        return ""
+    text = (
+        f"the counted work of {sum(of != old.get(name) for name, of in now.items())} of {len(now)} scenes has changed"
+    )
+    if changed:
+        ratio, scene, name = max(changed, key=lambda of: max(of[0], 1 / of[0] if of[0] else math.inf))
+        text += f", most in {scene}, {name}, which is {number(ratio, 3)} times what it was"
+    return f"**These figures are older than the code**: {text}."

@@ -1,7 +1,6 @@
 """The benchmark's own scenes: what is drawn every day, and what float32 cannot draw.
 
-All cameras look along -z, so that the exact oracle can say what is right (see truth.py). Everything is made from the
-same seeds each time.
+Everything is made from the same seeds each time.
 """
 
 from __future__ import annotations
@@ -9,43 +8,31 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from cltrace.scene import (
-    Camera,
-    Material,
-    Mesh,
-    Orthographic,
-    Scene,
-    ambient_light,
-    panel_light,
-    parallel_light,
-    point_light,
-    sky_light,
-    spot_light,
-)
+import cltrace
+from cltrace.scene import AnyCamera, Material, Scene
 
 Size = tuple[int, int]
 Floats = NDArray[np.float64]
 
-# What a case is for: one picture; one of means over pixels; one of soft light; the next picture of another camera, or
+WHITE_LIGHTS = (cltrace.ambient_light((1, 1, 1)), cltrace.point_light((5, 8, 2)))
+# What a case is for: one picture; one of means over pixels; the next picture of another camera, or
 # of spheres at other places.
-Task = Literal["frame", "samples", "members", "cameras", "positions"]
+Task = Literal["frame", "samples", "cameras", "positions"]
 
 # Classes that others name; all of them are in CLASSES, below.
 ORDINARY, GROUND, FAR, SCALE, MILLION = (
     "ordinary", "ground spheres", "far from the origin", "tiny and huge scales", "a million particles",
 )  # fmt: skip
-ANTIALIASED, MEMBERS, GIVEN = "antialiased", "soft light by members", "given"
+ANTIALIASED, GIVEN = "antialiased", "given"
 GROWTH_SPHERES, GROWTH_PIXELS = "growth with spheres", "growth with pixels"
 
 # Of a picture of means, so many times fewer pixels a side are drawn: each of them is held against 64 x 64 rays.
 FEWER = 4
-# Directions of the sky, and points of the panel, of soft lights as they would be with any number of them.
-MANY_MEMBERS = 512
 
 
 @dataclass(frozen=True)
@@ -58,23 +45,31 @@ class Case:
     task: Task = "frame"
 
 
-def looking(size: Size, tan: float = 0.6, eye: tuple[float, float, float] = (0, 0, 0)) -> Camera:
+def looking(size: Size, tan: float = 0.6, eye: tuple[float, float, float] = (0, 0, 0)) -> cltrace.Camera:
     """A camera that looks along -z. tan: half of the longer side of its image plane at distance 1."""
     x, y, z = eye
     ahead = (x, y, z - max(1.0, abs(z)))
-    return Camera(eye, ahead, (0, 1, 0), math.degrees(math.atan(tan)), size, square_pixels=True)
+    return cltrace.Camera(eye, ahead, (0, 1, 0), math.degrees(math.atan(tan)), size, square_pixels=True)
+
+
+def as_float32(values: ArrayLike) -> Floats:
+    """Rounded to numbers that tracers in single precision read without a further rounding."""
+    return np.asarray(values).astype("f4").astype("f8")
+
+
+def balls(camera: AnyCamera, centers: Floats, radii: ArrayLike, colors: Floats, **more: Any) -> Scene:
+    """Round spheres in the light of WHITE_LIGHTS, unless `more`, which goes to Scene.from_spheres, names others."""
+    look: dict[str, Any] = {"lights": WHITE_LIGHTS, "ka": 0.1, "background": (0.1, 0.1, 0.2)} | more
+    return Scene.from_spheres(camera, centers=as_float32(centers), radii=radii, colors=colors, **look)
 
 
 def cloud(count: int, size: Size, *more: NDArray[np.void]) -> Scene:
     """Balls in a box in front of the eye, with overlaps, smaller the more there are; one point light, and these."""
     rng = np.random.default_rng(1)
     centers = np.column_stack([rng.uniform(-3, 3, (count, 2)), rng.uniform(-10, -4, count)])
-    radii = rng.uniform(0.1, 0.6, count) * (16 / count) ** (1 / 3)
+    radii = as_float32(rng.uniform(0.1, 0.6, count) * (16 / count) ** (1 / 3))
     colors = rng.uniform(0.05, 1, (count, 3))
-    # Rounded to what other tracers can read, too.
-    centers, radii = centers.astype("f4").astype("f8"), radii.astype("f4").astype("f8")
-    lights = [ambient_light((1, 1, 1)), point_light((5, 8, 2)), *more]
-    return Scene.from_spheres(looking(size), lights, centers, radii, colors, ka=0.1, background=(0.1, 0.1, 0.2))
+    return balls(looking(size), centers, radii, colors, lights=[*WHITE_LIGHTS, *more])
 
 
 def filled(size: Size) -> Scene:
@@ -83,11 +78,9 @@ def filled(size: Size) -> Scene:
     shells = np.array([(x, y, -8) for x in (-3, -1, 1, 3) for y in (-1, 1)], np.float64)
     inner = np.repeat(shells, 50, axis=0) + rng.uniform(-0.4, 0.4, (400, 3))
     behind = rng.uniform(-3, 3, (400, 3)) + (0, -20, 40)
-    centers = np.concatenate([shells, inner, behind]).astype("f4").astype("f8")
     radii = np.repeat([0.875, 0.0625, 0.25], [8, 400, 400])
-    lights = [ambient_light((1, 1, 1)), point_light((5, 8, 2))]
     colors = rng.uniform(0.05, 1, (len(radii), 3))
-    return Scene.from_spheres(looking(size), lights, centers, radii, colors, ka=0.1, background=(0.1, 0.1, 0.2))
+    return balls(looking(size), np.concatenate([shells, inner, behind]), radii, colors)
 
 
 def field(size: Size, radius: float = 1e3, offset: float = 0, scale: float = 1) -> Scene:
@@ -99,28 +92,21 @@ def field(size: Size, radius: float = 1e3, offset: float = 0, scale: float = 1) 
     colors = np.random.default_rng(5).uniform(0.1, 1, (len(radii), 3))
     move = offset * np.array([1, -0.7, 0.3])
     eye, light = (tuple((scale * (np.array(p) + move)).tolist()) for p in ((0, 1.5, 13), (9, 14, 6)))
-    return Scene.from_spheres(
-        looking(size, 0.4, eye),
-        [ambient_light((1, 1, 1)), point_light(light)],
-        scale * (centers + move),
-        scale * radii,
-        colors,
-        ka=0.1,
-        background=(0.5, 0.7, 1),
-    )
+    lights = [cltrace.ambient_light((1, 1, 1)), cltrace.point_light(light)]
+    where, look = scale * (centers + move), dict[str, Any](ka=0.1, background=(0.5, 0.7, 1))
+    return Scene.from_spheres(looking(size, 0.4, eye), lights, where, scale * radii, colors, **look)
 
 
-WHITE_LIGHTS = (ambient_light((1, 1, 1)), point_light((5, 8, 2)))
 OTHER_LIGHTS = (
-    parallel_light((-1, -2, -1), (0.4, 0.4, 0.3)),
-    spot_light((-4, 5, 0), (4, -5, -7), 10, 25, (0.6, 0.3, 0.2)),
+    cltrace.parallel_light((-1, -2, -1), (0.4, 0.4, 0.3)),
+    cltrace.spot_light((-4, 5, 0), (4, -5, -7), 10, 25, (0.6, 0.3, 0.2)),
 )
 
 
 def soft_lights(members: int) -> list[NDArray[np.void]]:
     """A sky of so many directions, and a panel of as many points."""
-    panel = panel_light((5, 8, 2), (1, 1, 1), (2, 0, 1), (0, 2, 2), points=members)
-    return [sky_light(directions=members), panel]
+    panel = cltrace.panel_light((5, 8, 2), (1, 1, 1), (2, 0, 1), (0, 2, 2), points=members)
+    return [cltrace.sky_light(directions=members), panel]
 
 
 def clear(size: Size, reflectance: float, transmittance: float) -> Scene:
@@ -128,19 +114,12 @@ def clear(size: Size, reflectance: float, transmittance: float) -> Scene:
     rng = np.random.default_rng(6)
     centers = np.column_stack([rng.uniform(-2.4, 2.4, 24), rng.uniform(-1.3, 1.3, 24), rng.uniform(-8, -5, 24)])
     centers = np.concatenate([centers, [(0, 0, -16)]])
-    radii = np.append(rng.uniform(0.3, 0.6, 24), 6)
-    return Scene.from_spheres(
-        replace(looking(size), max_bounces=7),
-        WHITE_LIGHTS,
-        centers.astype("f4").astype("f8"),
-        radii.astype("f4").astype("f8"),
-        rng.uniform(0.05, 1, (25, 3)),
-        ka=0.1,
+    radii = as_float32(np.append(rng.uniform(0.3, 0.6, 24), 6))
+    return balls(
+        replace(looking(size), max_bounces=7), centers, radii, rng.uniform(0.05, 1, (25, 3)),
         reflectance=np.append(np.full(24, reflectance), 0),
-        transmittance=np.append(np.full(24, transmittance), 0),
-        index=1.5,
-        background=(0.1, 0.1, 0.2),
-    )
+        transmittance=np.append(np.full(24, transmittance), 0), index=1.5,
+    )  # fmt: skip
 
 
 def bowl(count: int) -> tuple[Floats, NDArray[np.int64], Floats]:
@@ -183,7 +162,7 @@ LOOK = Material((0.8, 0.6, 0.4), ka=0.1, kd=0.7, ks=0.4, exponent=50)
 def meshed(size: Size, shape: tuple[Floats, NDArray[np.int64], Floats | None]) -> Scene:
     """A mesh of these vertices, faces and normals."""
     vertices, faces, normals = shape
-    mesh = Mesh(vertices.astype("f4"), faces, normals, material=LOOK)
+    mesh = cltrace.Mesh(vertices.astype("f4"), faces, normals, material=LOOK)
     return Scene.from_meshes(looking(size), WHITE_LIGHTS, [mesh], background=(0.1, 0.1, 0.2))
 
 
@@ -198,8 +177,7 @@ def floor(size: Size) -> Scene:
     """A floor of two triangles, seen at a slant as far as the horizon, with a texture that repeats 16 times a side."""
     corners = np.array([(-40, -2, 0), (40, -2, 0), (40, -2, -80), (-40, -2, -80)], float)
     place = [(0, 0), (16, 0), (16, 16), (0, 16)]
-    look = Material(LOOK.color, ka=0.1, kd=0.7, ks=0.4, exponent=50, texture=checks(256))
-    mesh = Mesh(corners, [(0, 1, 2), (0, 2, 3)], uv=place, material=look)
+    mesh = cltrace.Mesh(corners, [(0, 1, 2), (0, 2, 3)], uv=place, material=replace(LOOK, texture=checks(256)))
     return Scene.from_meshes(looking(size), WHITE_LIGHTS, [mesh], background=(0.1, 0.1, 0.2))
 
 
@@ -220,9 +198,8 @@ def sticks(count: int, size: Size) -> Scene:
     axis = np.eye(3, dtype=int)[rng.integers(0, 3, len(place))]
     joined = ((place + axis) % side) @ (side * side, side, 1)
     pairs = np.column_stack([np.arange(len(place)), joined])[(place + axis < side).all(axis=1)]
-    return Scene.from_spheres(
-        looking(size), WHITE_LIGHTS, centers.astype("f4").astype("f8"), 1.5 / side,
-        rng.uniform(0.05, 1, (len(place), 3)), ka=0.1, background=(0.1, 0.1, 0.2),
+    return balls(
+        looking(size), centers, 1.5 / side, rng.uniform(0.05, 1, (len(place), 3)),
         bonds=pairs, bond_radius=np.float32(0.6 / side), bond_colors="white",
     )  # fmt: skip
 
@@ -230,7 +207,7 @@ def sticks(count: int, size: Size) -> Scene:
 def orthographic(size: Size) -> Scene:
     """A thousand balls without perspective."""
     scene = cloud(1000, size)
-    return scene.seen_by(Orthographic((0, 0, 0), lookat=(0, 0, -1), up=(0, 1, 0), height=5, resolution=size))
+    return scene.seen_by(cltrace.Orthographic((0, 0, 0), lookat=(0, 0, -1), up=(0, 1, 0), height=5, resolution=size))
 
 
 def fewer(size: Size) -> Size:
@@ -247,7 +224,7 @@ def moving(size: Size) -> dict[str, Scene]:
 CLASSES: dict[str, tuple[Task, Callable[[Size], dict[str, Scene]]]] = {
     ORDINARY: ("frame", lambda size: {
         "16 balls": cloud(16, size),
-        "100 balls, one light off": cloud(100, size, point_light((-5, 8, 2), (0, 0, 0))),
+        "100 balls, one light off": cloud(100, size, cltrace.point_light((-5, 8, 2), (0, 0, 0))),
         "1,000 balls": cloud(1000, size),
         "8 balls, filled": filled(size),
     }),
@@ -274,7 +251,6 @@ CLASSES: dict[str, tuple[Task, Callable[[Size], dict[str, Scene]]]] = {
         "smooth, 20,000": meshed(fewer(size), bowl(20_000)),
         "floor": floor(fewer(size)),
     }),
-    MEMBERS: ("members", lambda size: {"100 balls": cloud(100, fewer(size)).lit_by(soft_lights(MANY_MEMBERS))}),
     "moving cameras": ("cameras", moving),
     "moving positions": ("positions", moving),
 }  # fmt: skip

@@ -1,14 +1,13 @@
 /* Draws a scene with Embree 3, as the benchmark's peer: spheres, triangles and cylinders (as its linear cones),
 ambient, parallel, point and spot lights with shadows, Phong, mirrors and glass, in single precision.
 
-    embree SCENE FRAMES PICTURE [ROBUST [WAY]]
-    embree                                        (writes Embree's version)
+    embree SCENE FRAMES PICTURE ROBUST WAY
+    embree                                  (writes Embree's version)
 
-SCENE is what embree.py writes: a Head, then the arrays of Scene, in camera space, in which the camera looks along -z.
-ROBUST is 0 or 1, Embree's flag of that name. There are three ways to draw: 0 and 1 with packets of as many rays as the
-processor has lanes, with Embree's flag for coherent rays for the rays of the camera alone and for all of them, and 2
-with single rays. Without WAY all of them draw, slow ones one frame. Written to stdout is one line of JSON: the way that
-had the best frame, the seconds of all its frames, and those of building the tree. PICTURE gets the bytes of the pixels,
+SCENE is what peers.py writes: a Head, then the arrays of Scene, in camera space, in which the camera looks along -z.
+ROBUST is 0 or 1, Embree's flag of that name. WAY is 0 or 1 for packets of as many rays as the processor has lanes, with
+Embree's flag for coherent rays for the rays of the camera alone or for all of them, and 2 for single rays. Written to
+stdout is one line of JSON: the seconds of building the tree, and of each frame. PICTURE gets the bytes of the pixels,
 row by row from the top, red, green and blue.
 
 New rays start off the surface, along its normal, by 2^-20 of the point's distances from the eye and from where its ray
@@ -21,9 +20,9 @@ began, and of the sphere's radius: the usual epsilon of a tracer in single preci
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
-#include <functional>
-#include <string>
+#include <numeric>
 #include <thread>
 #include <vector>
 
@@ -39,10 +38,10 @@ enum Kind { AMBIENT, PARALLEL, POINT, SPOT, LAMBERT };
 
 struct Head {
     int width, height, samples, bounces, orthographic; // samples: across a pixel, and down
-    int spheres, vertices, normals, triangles, cylinders, materials, textures, texels, lights;
+    int spheres, triangles, cylinders, materials, lights;
     float half_width, half_height; // of the image plane at distance 1, or of an orthographic picture
     float background[3];
-    float basis[9]; // of the camera, in the world: right, up, back
+    int unused; // arrays of four floats stand at multiples of 16 bytes
 };
 struct Light {
     int kind;
@@ -51,23 +50,19 @@ struct Light {
 };
 struct Scene {
     Head head;
-    std::vector<float> spheres, vertices, normals; // x, y, z, radius; x, y, z; x, y, z
-    std::vector<int> corners, normal_of;           // three of each a triangle; normal_of -1: flat
-    std::vector<float> uv;                         // of the three corners of each triangle
-    std::vector<float> cylinders;                  // x, y, z and radius of both ends
-    std::vector<int> material_of;                  // of spheres, of triangles, then of cylinders
-    std::vector<float> materials;                  // rows of COLUMNS
-    std::vector<int> textures;                     // the first pixel, width, height
-    std::vector<float> texels;                     // red, green, blue of each pixel
-    std::vector<Light> lights;
-    int exponent; // which all materials have, if it is a whole number, else 0
+    const float *spheres;            // x, y, z, radius
+    const float *vertices, *normals; // x, y, z, of the three corners of each triangle
+    const float *cylinders;          // x, y, z and radius of both ends
+    const int *material_of;          // of spheres, of triangles, then of cylinders
+    const float *materials;          // rows of COLUMNS
+    const Light *lights;
 };
-constexpr int RED = 0, GREEN = 1, BLUE = 2, KA = 3, KD = 4, KS = 5, EXPONENT = 6, MIRROR = 7, CLEAR = 8, INDEX = 9;
-constexpr int TEXTURE = 10, COLUMNS = 11; // TEXTURE: its number, -1 for none
+constexpr int KA = 3, KD = 4, KS = 5, EXPONENT = 6, MIRROR = 7, CLEAR = 8, INDEX = 9;
+constexpr int COLUMNS = 10;
 
 static Scene scene;
 static RTCScene tree;
-static std::vector<unsigned> ends; // of cylinders: where each begins among these
+static std::vector<unsigned> counting; // 0, 1, 2, ...
 static std::vector<unsigned char> picture;
 
 /* Vectors of N lanes, of which the compiler makes the processor's own; one lane is a vector, too. */
@@ -90,22 +85,12 @@ template <class F> static F root(F x) {
 template <class F> static F most(F a, F b) {
     return choose(a > b, a, b);
 }
-template <class F, class I> static F gather(const float *from, I at) {
+template <class F, class T, class I> static F gather(const T *from, I at) {
     F out;
     for (size_t k = 0; k < sizeof(I) / 4; k++) out[k] = from[at[k]];
     return out;
 }
-template <class I> static I gather_int(const int *from, I at) {
-    for (size_t k = 0; k < sizeof(I) / 4; k++) at[k] = from[at[k]];
-    return at;
-}
 template <class F> static F power(F base, F exponent) {
-    if (scene.exponent) {
-        F out = F{} + 1;
-        for (int left = scene.exponent; left; left >>= 1, base = base * base)
-            if (left & 1) out = out * base;
-        return out;
-    }
     for (size_t k = 0; k < sizeof(F) / 4; k++) base[k] = powf(base[k], exponent[k]);
     return base;
 }
@@ -144,52 +129,26 @@ template <class F> static Vec<F> all(const float *v) {
 template <class F, class I> static Vec<F> choose(I where, Vec<F> a, Vec<F> b) {
     return {choose(where, a.x, b.x), choose(where, a.y, b.y), choose(where, a.z, b.z)};
 }
-template <class F, class I> static Vec<F> gather3(const std::vector<float> &from, int step, I at) {
-    return {gather<F>(from.data(), at * step), gather<F>(from.data() + 1, at * step),
-            gather<F>(from.data() + 2, at * step)};
+template <class F, class I> static Vec<F> gather3(const float *from, I at) {
+    return {gather<F>(from, at), gather<F>(from + 1, at), gather<F>(from + 2, at)};
 }
 
-/* Embree's calls for one ray and for a packet. */
-template <int N> struct Calls;
-template <> struct Calls<1> {
-    typedef RTCRay Ray;
-    typedef RTCRayHit RayHit;
-    static void closest(const int *, RTCIntersectContext *context, RayHit &r) {
-        rtcIntersect1(tree, context, &r);
-    }
-    static void occluded(const int *, RTCIntersectContext *context, Ray &r) {
-        rtcOccluded1(tree, context, &r);
-    }
-};
-#ifdef __AVX512F__
-template <> struct Calls<16> {
-    typedef RTCRay16 Ray;
-    typedef RTCRayHit16 RayHit;
-    static void closest(const int *on, RTCIntersectContext *context, RayHit &r) {
-        rtcIntersect16(on, tree, context, &r);
-    }
-    static void occluded(const int *on, RTCIntersectContext *context, Ray &r) {
-        rtcOccluded16(on, tree, context, &r);
-    }
-};
-#else
-template <> struct Calls<8> {
-    typedef RTCRay8 Ray;
-    typedef RTCRayHit8 RayHit;
-    static void closest(const int *on, RTCIntersectContext *context, RayHit &r) {
-        rtcIntersect8(on, tree, context, &r);
-    }
-    static void occluded(const int *on, RTCIntersectContext *context, Ray &r) {
-        rtcOccluded8(on, tree, context, &r);
-    }
-};
-#endif
+/* Embree's calls, for one ray and for packets, whose structures are alike. on: the lanes that have a ray. */
+template <int N> static void intersect(const int *on, RTCIntersectContext *context, RTCRayHitNt<N> &r) {
+    if constexpr (N == 1) rtcIntersect1(tree, context, (RTCRayHit *)&r);
+    else if constexpr (N == 8) rtcIntersect8(on, tree, context, (RTCRayHit8 *)&r);
+    else rtcIntersect16(on, tree, context, (RTCRayHit16 *)&r);
+}
+template <int N> static void occluded(const int *on, RTCIntersectContext *context, RTCRayNt<N> &r) {
+    if constexpr (N == 1) rtcOccluded1(tree, context, (RTCRay *)&r);
+    else if constexpr (N == 8) rtcOccluded8(on, tree, context, (RTCRay8 *)&r);
+    else rtcOccluded16(on, tree, context, (RTCRay16 *)&r);
+}
 
 template <int N> struct Tracer {
     typedef typename Wide<N>::F F;
     typedef typename Wide<N>::I I;
     typedef Vec<F> V;
-    typedef Calls<N> Call;
 
     bool all_coherent;
 
@@ -202,7 +161,6 @@ template <int N> struct Tracer {
         I there, inside, material;
         V point, normal; // normal: of length 1, against the ray
         F off;           // by which new rays start off the surface
-        F u, v;          // where it is in a texture
     };
 
     RTCIntersectContext context(int depth) const {
@@ -213,7 +171,7 @@ template <int N> struct Tracer {
         return made;
     }
 
-    static void aim(typename Call::Ray &ray, V o, V d, F near, F far) {
+    static void aim(RTCRayNt<N> &ray, V o, V d, F near, F far) {
         put(ray.org_x, o.x), put(ray.org_y, o.y), put(ray.org_z, o.z);
         put(ray.dir_x, d.x), put(ray.dir_y, d.y), put(ray.dir_z, d.z);
         put(ray.tnear, near), put(ray.tfar, far), put(ray.time, F{});
@@ -221,88 +179,47 @@ template <int N> struct Tracer {
     }
 
     Hit closest(const Rays &rays, int depth) const {
-        alignas(64) typename Call::RayHit found;
+        alignas(64) RTCRayHitNt<N> found;
         aim(found.ray, rays.origin, rays.direction, rays.near, F{} + INFINITY);
         put(found.hit.geomID, I{} - 1), put(found.hit.instID[0], I{} - 1);
         RTCIntersectContext how = context(depth);
         alignas(64) I live = rays.live;
-        Call::closest((const int *)&live, &how, found);
+        intersect<N>((const int *)&live, &how, found);
         Hit hit;
         I shape = get<I>(found.hit.geomID);
         hit.there = live & (shape != -1);
         I of_triangles = hit.there & (shape == 1), number = hit.there & get<I>(found.hit.primID);
         I first = (of_triangles & scene.head.spheres) +
                   (hit.there & (shape == 2) & (scene.head.spheres + scene.head.triangles));
-        hit.material = gather_int(scene.material_of.data(), number + first);
+        hit.material = gather<I>(scene.material_of, number + first);
         F t = choose(hit.there, get<F>(found.ray.tfar), F{} + 1);
         hit.point = rays.origin + rays.direction * t;
         V flat = {get<F>(found.hit.Ng_x), get<F>(found.hit.Ng_y), get<F>(found.hit.Ng_z)}, n = flat;
-        if (any(of_triangles)) n = smooth(of_triangles, number, get<F>(found.hit.u), get<F>(found.hit.v), flat);
+        if (any(of_triangles)) {
+            F u = get<F>(found.hit.u), v = get<F>(found.hit.v);
+            I at = of_triangles & (number * 9);
+            V a = gather3<F>(scene.normals, at), b = gather3<F>(scene.normals + 3, at);
+            n = choose(of_triangles, a * (1 - u - v) + b * u + gather3<F>(scene.normals + 6, at) * v, flat);
+        }
         hit.inside = hit.there & (dot(flat, rays.direction) > 0);
         n = unit(choose(hit.there, n, V{F{}, F{}, F{} + 1}));
-        if (scene.head.textures) place(hit, of_triangles, number, get<F>(found.hit.u), get<F>(found.hit.v), n);
         hit.normal = choose(hit.inside, n * (F{} - 1), n);
         F size = root(dot(hit.point, hit.point)) + t;
         I of_spheres = hit.there & (shape == 0);
         if (any(of_spheres))
-            size = size + choose(of_spheres, gather<F>(scene.spheres.data() + 3, (number & of_spheres) * 4), F{});
+            size = size + choose(of_spheres, gather<F>(scene.spheres + 3, (number & of_spheres) * 4), F{});
         hit.off = size * OFF;
         return hit;
-    }
-
-    static V smooth(I of_triangles, I number, F u, F v, V flat) {
-        I at = of_triangles & (number * 3), first = gather_int(scene.normal_of.data(), at);
-        I has = of_triangles & (first >= 0);
-        if (!any(has)) return flat;
-        I second = gather_int(scene.normal_of.data() + 1, at), third = gather_int(scene.normal_of.data() + 2, at);
-        V a = gather3<F>(scene.normals, 3, first & has), b = gather3<F>(scene.normals, 3, second & has);
-        V c = gather3<F>(scene.normals, 3, third & has);
-        return choose(has, a * (1 - u - v) + b * u + c * v, flat);
-    }
-
-    /* Where hits are in their textures. n: the normals to the outside, in camera space. */
-    static void place(Hit &hit, I of_triangles, I number, F b, F c, V n) {
-        const float *basis = scene.head.basis;
-        for (int k = 0; k < N; k++) {
-            float world[3];
-            for (int i = 0; i < 3; i++) world[i] = n.x[k] * basis[i] + n.y[k] * basis[3 + i] + n.z[k] * basis[6 + i];
-            hit.u[k] = .5f + atan2f(world[0] + 0.f, world[2]) / (float)(2 * M_PI);
-            hit.v[k] = atan2f(hypotf(world[0], world[2]), world[1]) / (float)M_PI;
-            if (!of_triangles[k]) continue;
-            const float *uv = &scene.uv[6 * number[k]], a = 1 - b[k] - c[k];
-            hit.u[k] = a * uv[0] + b[k] * uv[2] + c[k] * uv[4], hit.v[k] = a * uv[1] + b[k] * uv[3] + c[k] * uv[5];
-        }
-    }
-
-    /* The colour of a texture: of the four pixels around, each the more the nearer. */
-    static void paint(Vec<F> &color, const Hit &hit) {
-        for (int k = 0; k < N; k++) {
-            const int texture = scene.materials[hit.material[k] * COLUMNS + TEXTURE];
-            if (texture < 0 || !hit.there[k]) continue;
-            const int *t = &scene.textures[3 * texture];
-            float x = (hit.u[k] - floorf(hit.u[k])) * t[1], y = (hit.v[k] - floorf(hit.v[k])) * t[2];
-            const int i = x, j = y;
-            x -= i, y -= j;
-            auto at = [&](int column, int row) {
-                return &scene.texels[3 * (t[0] + row % t[2] * t[1] + column % t[1])];
-            };
-            const float *from[] = {at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)};
-            auto mixed = [&](int c) {
-                return (from[0][c] * (1 - x) + from[1][c] * x) * (1 - y) + (from[2][c] * (1 - x) + from[3][c] * x) * y;
-            };
-            color.x[k] *= mixed(0), color.y[k] *= mixed(1), color.z[k] *= mixed(2);
-        }
     }
 
     /* Phong's formula, of all lights. */
     V shaded(const Hit &hit, V d, int depth) const {
         I row = hit.material * COLUMNS;
-        const float *table = scene.materials.data();
-        V sum = {F{}, F{}, F{}},
-          color = {gather<F>(table + RED, row), gather<F>(table + GREEN, row), gather<F>(table + BLUE, row)};
-        if (scene.head.textures) paint(color, hit);
+        const float *table = scene.materials;
+        V sum = {F{}, F{}, F{}}, color = gather3<F>(table, row);
         F kd = gather<F>(table + KD, row), ks = gather<F>(table + KS, row), m = gather<F>(table + EXPONENT, row);
-        for (const Light &light : scene.lights) {
+        for (const Light *at = scene.lights; at < scene.lights + scene.head.lights; at++) {
+            const Light &light = *at;
             if (light.kind == AMBIENT) {
                 V c = all<F>(light.color);
                 sum = sum + V{c.x * color.x, c.y * color.y, c.z * color.z} * gather<F>(table + KA, row);
@@ -340,11 +257,11 @@ template <int N> struct Tracer {
     }
 
     I reached(I lit, V start, V l, F near, F far, int depth) const {
-        alignas(64) typename Call::Ray shadow;
+        alignas(64) RTCRayNt<N> shadow;
         alignas(64) I asked = lit;
         aim(shadow, start, l, near, far);
         RTCIntersectContext how = context(depth);
-        Call::occluded((const int *)&asked, &how, shadow);
+        occluded<N>((const int *)&asked, &how, shadow);
         return lit & (get<F>(shadow.tfar) >= 0);
     }
 
@@ -356,7 +273,7 @@ template <int N> struct Tracer {
             sum = sum + all<F>(scene.head.background) * choose(rays.live & ~hit.there, rays.weight, F{});
             if (!any(hit.there)) return sum;
             F weight = choose(hit.there, rays.weight, F{});
-            const float *table = scene.materials.data();
+            const float *table = scene.materials;
             I row = hit.material * COLUMNS;
             F mirror = gather<F>(table + MIRROR, row), clear = gather<F>(table + CLEAR, row);
             bool last = depth > scene.head.bounces;
@@ -443,98 +360,67 @@ static double build(RTCDevice device, bool robust) {
     const Head &head = scene.head;
     double start = now();
     tree = rtcNewScene(device);
-    auto add = [&](RTCGeometry shape, unsigned number) {
+    // Triangles have corners of their own, and cylinders ends, so indices are those of all vertices, in their order.
+    counting.resize(std::max(3ul * head.triangles, 2ul * head.cylinders));
+    std::iota(counting.begin(), counting.end(), 0u);
+    auto add = [&](RTCGeometryType type, unsigned number, size_t count, RTCFormat format, size_t size,
+                   const float *from, size_t vertices, RTCFormat index, size_t step) {
+        if (!count) return;
+        RTCGeometry shape = rtcNewGeometry(device, type);
+        rtcSetSharedGeometryBuffer(shape, RTC_BUFFER_TYPE_VERTEX, 0, format, from, 0, size, vertices);
+        if (step) rtcSetSharedGeometryBuffer(shape, RTC_BUFFER_TYPE_INDEX, 0, index, counting.data(), 0, step, count);
         rtcSetGeometryBuildQuality(shape, RTC_BUILD_QUALITY_HIGH);
         rtcCommitGeometry(shape);
         rtcAttachGeometryByID(tree, shape, number);
         rtcReleaseGeometry(shape);
     };
-    if (head.spheres) {
-        RTCGeometry balls = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_SPHERE_POINT);
-        rtcSetSharedGeometryBuffer(balls, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT4, scene.spheres.data(), 0, 16,
-                                   head.spheres);
-        add(balls, 0);
-    }
-    if (head.triangles) {
-        RTCGeometry mesh = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
-        rtcSetSharedGeometryBuffer(mesh, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, scene.vertices.data(), 0, 12,
-                                   head.vertices);
-        rtcSetSharedGeometryBuffer(mesh, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, scene.corners.data(), 0, 12,
-                                   head.triangles);
-        add(mesh, 1);
-    }
-    ends.resize(head.cylinders);
-    for (int k = 0; k < head.cylinders; k++) ends[k] = 2 * k;
-    if (head.cylinders) {
-        RTCGeometry rods = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_CONE_LINEAR_CURVE);
-        rtcSetSharedGeometryBuffer(rods, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT4, scene.cylinders.data(), 0, 16,
-                                   2ul * head.cylinders);
-        rtcSetSharedGeometryBuffer(rods, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT, ends.data(), 0, 4, head.cylinders);
-        add(rods, 2);
-    }
+    add(RTC_GEOMETRY_TYPE_SPHERE_POINT, 0, head.spheres, RTC_FORMAT_FLOAT4, 16, scene.spheres, head.spheres,
+        RTC_FORMAT_UINT, 0);
+    add(RTC_GEOMETRY_TYPE_TRIANGLE, 1, head.triangles, RTC_FORMAT_FLOAT3, 12, scene.vertices, 3ul * head.triangles,
+        RTC_FORMAT_UINT3, 12);
+    add(RTC_GEOMETRY_TYPE_CONE_LINEAR_CURVE, 2, head.cylinders, RTC_FORMAT_FLOAT4, 16, scene.cylinders,
+        2ul * head.cylinders, RTC_FORMAT_UINT, 8);
     rtcSetSceneFlags(tree, robust ? RTC_SCENE_FLAG_ROBUST : RTC_SCENE_FLAG_NONE);
     rtcSetSceneBuildQuality(tree, RTC_BUILD_QUALITY_HIGH);
     rtcCommitScene(tree);
     return now() - start;
 }
 
-template <class T> static bool read(FILE *file, std::vector<T> &values, size_t count) {
-    values.resize(count);
-    return fread(values.data(), sizeof(T), count, file) == count;
-}
-
+/* The file's bytes, to which the scene points; false if there are not as many as its head says. */
 static bool read_scene(const char *path) {
+    static std::vector<char> bytes;
     FILE *file = fopen(path, "rb");
-    Head &head = scene.head;
-    if (!file || fread(&head, sizeof head, 1, file) != 1) return false;
-    bool whole = read(file, scene.spheres, 4ul * head.spheres) && read(file, scene.vertices, 3ul * head.vertices) &&
-                 read(file, scene.normals, 3ul * head.normals) && read(file, scene.corners, 3ul * head.triangles) &&
-                 read(file, scene.normal_of, 3ul * head.triangles) && read(file, scene.uv, 6ul * head.triangles) &&
-                 read(file, scene.cylinders, 8ul * head.cylinders) &&
-                 read(file, scene.material_of, 0ul + head.spheres + head.triangles + head.cylinders) &&
-                 read(file, scene.materials, 0ul + COLUMNS * head.materials) &&
-                 read(file, scene.textures, 3ul * head.textures) && read(file, scene.texels, 3ul * head.texels) &&
-                 read(file, scene.lights, head.lights);
-    fclose(file);
-    // Embree reads 16 bytes at a vertex.
-    scene.vertices.resize(scene.vertices.size() + 1);
-    float exponent = head.materials ? scene.materials[EXPONENT] : 0;
-    for (int k = 0; k < head.materials; k++)
-        if (scene.materials[k * COLUMNS + EXPONENT] != exponent) exponent = 0;
-    scene.exponent = exponent == std::floor(exponent) && exponent < 4096 ? (int)exponent : 0;
-    return whole;
+    char block[1 << 16];
+    for (size_t n; file && (n = fread(block, 1, sizeof block, file)) > 0;) bytes.insert(bytes.end(), block, block + n);
+    if (!file || fclose(file) || bytes.size() < sizeof(Head)) return false;
+    const size_t size = bytes.size();
+    bytes.resize(size + 16); // Embree reads 16 bytes at a vertex
+    const Head &head = scene.head = *(const Head *)bytes.data();
+    const char *at = bytes.data() + sizeof head;
+    auto take = [&](auto *&array, size_t count) {
+        array = (decltype(array + 0))at;
+        at += sizeof *array * count;
+    };
+    take(scene.spheres, 4ul * head.spheres), take(scene.cylinders, 8ul * head.cylinders);
+    take(scene.vertices, 9ul * head.triangles), take(scene.normals, 9ul * head.triangles);
+    take(scene.material_of, 0ul + head.spheres + head.triangles + head.cylinders);
+    take(scene.materials, 0ul + COLUMNS * head.materials), take(scene.lights, head.lights);
+    return at == bytes.data() + size;
 }
 
 int main(int count, char **words) {
     if (count == 1) return puts(RTC_VERSION_STRING) < 0;
-    if (count < 4 || !read_scene(words[1])) {
-        fprintf(stderr, "%s\n",
-                count < 4 ? "usage: embree SCENE FRAMES PICTURE [ROBUST [WAY]]" : "the scene cannot be read");
-        return 2;
-    }
-    const int frames = std::stoi(words[2]);
-    const std::string robust = count > 4 ? words[4] : "", only = count > 5 ? words[5] : "";
+    if (count != 6 || !read_scene(words[1])) return fprintf(stderr, "the scene cannot be read\n"), 2;
     picture.resize(3ul * scene.head.width * scene.head.height);
-    RTCDevice device = rtcNewDevice(nullptr);
-    double built = build(device, robust == "1");
-    const std::function<void()> ways[] = {[] { Tracer<LANES>{false}.frame(); }, [] { Tracer<LANES>{true}.frame(); },
-                                          [] { Tracer<1>{false}.frame(); }};
-    std::vector<double> best;
-    int chosen = 0;
-    for (int way = 0; way < 3; way++) {
-        if (!only.empty() && only != std::to_string(way)) continue;
-        std::vector<double> seconds;
-        for (int k = 0; k < frames && (k == 0 || !only.empty() || seconds[0] < .1); k++) {
-            double start = now();
-            ways[way]();
-            seconds.push_back(now() - start);
-        }
-        auto least = [](const std::vector<double> &s) { return *std::min_element(s.begin(), s.end()); };
-        if (best.empty() || least(seconds) < least(best)) best = seconds, chosen = way;
+    const int way = atoi(words[5]);
+    printf("{\"build\": %.9g, \"frames\": [", build(rtcNewDevice(nullptr), atoi(words[4])));
+    for (int k = 0, frames = atoi(words[2]); k < frames; k++) {
+        double start = now();
+        if (way == 2) Tracer<1>{false}.frame();
+        else Tracer<LANES>{way == 1}.frame();
+        printf("%s%.9g", k ? ", " : "", now() - start);
     }
+    puts("]}");
     FILE *file = fopen(words[3], "wb");
-    if (!file || fwrite(picture.data(), 1, picture.size(), file) != picture.size() || fclose(file)) return 1;
-    printf("{\"way\": %d, \"build\": %.9g, \"frames\": [", chosen, built);
-    for (size_t k = 0; k < best.size(); k++) printf("%s%.9g", k ? ", " : "", best[k]);
-    printf("]}\n");
+    return !file || fwrite(picture.data(), 1, picture.size(), file) != picture.size() || fclose(file);
 }
