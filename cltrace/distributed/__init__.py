@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 from collections.abc import Generator, Iterable, Mapping, Sized
 from contextlib import closing
-from copy import copy
 from itertools import pairwise
 from typing import Any
 
@@ -65,10 +64,8 @@ def render(
         If the cluster has no device, a tile fails three times, or the scheduler goes.
     """
     parts = list(tiles_of(scene, client, tiles, device, progress, **options))
-    whole = copy(parts[0])
-    for name in whole.outputs:
-        setattr(whole, name, np.concatenate([getattr(part, name) for part in parts]))
-    return whole
+    whole: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in parts[0].outputs}
+    return Image(**whole, seconds=parts[0].seconds, transfer=scene.transfer)
 
 
 def tiles_of(

@@ -11,7 +11,6 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sized
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing
-from copy import copy
 from functools import partial
 from itertools import chain, islice
 from pathlib import Path
@@ -93,9 +92,8 @@ def on_device(device: str | Device | None, options: Mapping[str, Any]) -> FrameR
 
         def prepared(frame: MovieFrame) -> Renderer:
             nonlocal last
-            renderer = last.following(frame.scene) if last else Renderer(frame.scene, chosen, **how)
-            last = copy(renderer)  # which has a lock of its own, so it does not wait until this frame is drawn
-            return renderer
+            last = last.following(frame.scene) if last else Renderer(frame.scene, chosen, **how)
+            return last
 
         pool = ThreadPoolExecutor(1)
         try:

@@ -65,47 +65,58 @@ def test_too_few_addresses(tmp_path: Path, limit: int) -> None:
     assert (done.returncode, done.stderr) == (2, f"cltrace: {words}\n")
 
 
-@pytest.mark.parametrize("name", SIGNALS)
-def test_during_the_imports(tmp_path: Path, name: str) -> None:
-    done = program(tmp_path, f"import os, signal\nos.kill(os.getpid(), signal.{name})\ndef main(): return 0\n")
-    assert (done.returncode, done.stderr) == (128 + getattr(signal, name), b"")
-
-
-@pytest.mark.parametrize("name", SIGNALS)
-def test_at_the_end(tmp_path: Path, name: str) -> None:
-    """The end of Python, where a traceback would tell of the signal, does not come."""
-    done = program(
-        tmp_path,
-        f"import atexit, os, signal\natexit.register(os.kill, os.getpid(), signal.{name})\ndef main(): return 7\n",
-    )
-    assert (done.returncode, done.stderr) == (7, b"")
-
-
-@pytest.mark.parametrize("name", SIGNALS)
-def test_while_an_object_is_deleted(tmp_path: Path, name: str) -> None:
-    """There Python drops what is raised, and prints a traceback, as of the sqlite files of pytools."""
-    done = program(
-        tmp_path,
-        f"""
+IMPORTED = """
+import os, signal
+os.kill(os.getpid(), signal.NAME)
+def main(): return 0
+"""
+AT_THE_END = """
+import atexit, os, signal
+atexit.register(os.kill, os.getpid(), signal.NAME)
+def main(): return 7
+"""
+COMMAND = """
 import os, signal, time
 from cltrace.process.console import command
 
+def main():
+    return command("test", body)
+"""
+# Python drops what is raised there, and prints a traceback, as of the sqlite files of pytools.
+DELETED = f"""{COMMAND}
 class File:
     def __del__(self):
-        os.kill(os.getpid(), signal.{name})
+        os.kill(os.getpid(), signal.NAME)
         time.sleep(0.1)
 
 def body():
     File()
     time.sleep(30)
     return 0
+"""
+SECOND = f"""{COMMAND}
+def body():
+    try:
+        os.kill(os.getpid(), signal.NAME)
+    finally:
+        os.kill(os.getpid(), signal.SIGTERM)
+        os.kill(os.getpid(), signal.SIGINT)
+        print("cleaned up", flush=True)
+    return 0
+"""
 
-def main():
-    return command("test", body)
-""",
-    )
-    expected = b"test: interrupted\n" if name == "SIGINT" else b""
-    assert (done.returncode, done.stderr) == (128 + getattr(signal, name), expected)
+
+@pytest.mark.parametrize("name", SIGNALS)
+@pytest.mark.parametrize(
+    ("text", "status", "out"),
+    [(IMPORTED, None, b""), (AT_THE_END, 7, b""), (DELETED, None, b""), (SECOND, None, b"cleaned up\n")],
+    ids=["during the imports", "at the end", "while an object is deleted", "after another one"],
+)
+def test_a_signal_ends_a_program(tmp_path: Path, text: str, status: int | None, out: bytes, name: str) -> None:
+    """At once, without a traceback, and a second one does not disturb the first."""
+    done = program(tmp_path, text.replace("NAME", name))
+    told = b"test: interrupted\n" if name == "SIGINT" and COMMAND in text else b""
+    assert (done.returncode, done.stdout, done.stderr) == (status or 128 + getattr(signal, name), out, told)
 
 
 @pytest.mark.parametrize("error", ["ImportError('x.so: failed to map segment\\n')", "MemoryError()"])
@@ -116,31 +127,6 @@ def test_what_cannot_be_loaded_is_told(tmp_path: Path, error: str) -> None:
     assert (done.returncode, done.stderr.decode()) == (2, f"a_program: cannot be loaded: {words}\n")
 
 
-@pytest.mark.parametrize("name", SIGNALS)
-def test_a_second_one_does_not_disturb_the_first(tmp_path: Path, name: str) -> None:
-    done = program(
-        tmp_path,
-        f"""
-import os, signal
-from cltrace.process.console import command
-
-def body():
-    try:
-        os.kill(os.getpid(), signal.{name})
-    finally:
-        os.kill(os.getpid(), signal.SIGTERM)
-        os.kill(os.getpid(), signal.SIGINT)
-        print("cleaned up", flush=True)
-    return 0
-
-def main():
-    return command("test", body)
-""",
-    )
-    told = b"test: interrupted\n" if name == "SIGINT" else b""
-    assert (done.returncode, done.stdout, done.stderr) == (128 + getattr(signal, name), b"cleaned up\n", told)
-
-
 def test_the_handlers_of_a_caller_are_given_back() -> None:
     from cltrace.process.console import command
 
@@ -149,12 +135,10 @@ def test_the_handlers_of_a_caller_are_given_back() -> None:
     assert [signal.getsignal(getattr(signal, name)) for name in SIGNALS] == before
 
 
-def test_help_is_written_before_the_end(tmp_path: Path) -> None:
+def test_the_end_of_a_program(tmp_path: Path) -> None:
+    """What --help prints is written before it, and a fault of the program keeps its traceback."""
     done = program(tmp_path, "def main():\n    print('help')\n    raise SystemExit(0)\n")
     assert (done.returncode, done.stdout) == (0, b"help\n")
-
-
-def test_a_fault_of_the_program_keeps_its_traceback(tmp_path: Path) -> None:
     done = program(tmp_path, "def main():\n    return 1 / 0\n")
     assert done.returncode == 1
     assert done.stderr.endswith(b"ZeroDivisionError: division by zero\n")
