@@ -1,9 +1,14 @@
-"""What can go wrong for a user, and the exit code each kind has on the command line."""
+"""What can go wrong for a user, the exit code each kind has on the command line, and filters of warnings."""
 
 from __future__ import annotations
 
+import threading
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from cltrace.base.limits import hint
 
@@ -125,3 +130,17 @@ class MissingPackageError(CltraceError, ImportError):
         return (
             f"{self.what} needs the package {self.package}, which is not installed: pip install 'cltrace[{self.extra}]'"
         )
+
+
+_filters_lock = threading.RLock()  # Python's filters are those of all threads
+
+
+@contextmanager
+def warnings_are(action: Literal["error", "ignore"], kind: type[Warning] = Warning) -> Iterator[None]:
+    """Makes warnings errors, or ignores them, in a `with` block. Other threads wait for it at theirs.
+
+    If the blocks of two threads overlapped, the one that ends last would leave the filters of the other one for ever.
+    """
+    with _filters_lock, warnings.catch_warnings():
+        warnings.simplefilter(action, kind)
+        yield

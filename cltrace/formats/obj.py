@@ -23,9 +23,8 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from cltrace.base.arrays import blockwise, keep_freed_memory
-from cltrace.base.errors import Fault, SceneError
+from cltrace.base.errors import Fault, SceneError, warnings_are
 from cltrace.base.limits import MAX_FAULTS, MAX_TRIANGLES, MAX_VERTICES
-from cltrace.base.warning_filters import warnings_are
 from cltrace.formats.faults import FatalError, Messages, quoted, short
 from cltrace.formats.files import chunks
 from cltrace.formats.schema import is_plain_zero, number

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
+from cltrace.base.errors import warnings_are
 from cltrace.base.limits import MAX_TEXELS, hint
 from cltrace.base.limits import TEXTURE_BYTES as MAX_BYTES
-from cltrace.base.warning_filters import warnings_are
 from cltrace.formats.files import UnreadableError, check_regular
 from cltrace.scene import Texture
 

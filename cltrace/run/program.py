@@ -12,9 +12,8 @@ from typing import Any
 
 import pyopencl as cl
 
-from cltrace.base.errors import BuildError
+from cltrace.base.errors import BuildError, warnings_are
 from cltrace.base.waiting import aside
-from cltrace.base.warning_filters import warnings_are
 from cltrace.plan import abi
 from cltrace.run.caches import ROOM, largest_file, mend_kernels
 from cltrace.run.devices import Device

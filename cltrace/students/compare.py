@@ -29,8 +29,7 @@ from cltrace.students.places import places
 from cltrace.students.rules import RIGHT, Rules
 from cltrace.students.search import LIKELY, Search, Verdict
 from cltrace.students.tracer import to_bytes
-from cltrace.students.whole import around, uneven, whole
-from cltrace.students.window import LARGEST, Window, place_within
+from cltrace.students.whole import LARGEST, Window, around, place_within, uneven, whole
 
 # Files that hold every pixel as it was written. JPEG does not.
 FORMATS = ("PNG", "BMP", "PPM", "TGA")

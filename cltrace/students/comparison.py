@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cltrace.picture.image import Image
 from cltrace.students.mistakes import BY_NAME, ENOUGH
 from cltrace.students.places import Place
-from cltrace.students.window import Window
+from cltrace.students.whole import Window
 
 Bytes = NDArray[np.uint8]
 _GAP = 4  # columns between pictures that stand side by side

@@ -91,10 +91,7 @@ MISTAKES = (
         "reflection-wrong",
         "mirrored rays go elsewhere",
         "the mirrored direction is d - 2 (n.d) n, with n and d of length 1",
-        (
-            *_of(reflection=("reversed", "back")),
-            *_of(reflection=("sign", "once"), unit_mirrored=(True, False)),
-        ),
+        (*_of(reflection=("reversed", "back")), *_of(reflection=("sign", "once"), unit_mirrored=(True, False))),
     ),
     Mistake(
         "secondary-background",
@@ -123,10 +120,7 @@ MISTAKES = (
         "mirror-depth",
         "rays bounce once more, or once less, than max_bounces says",
         "the camera's ray has depth 0 and goes on while depth <= max_bounces; the last hit shows its local colour",
-        (
-            *_of(more_bounces=(-1, 1)),
-            *_of(last=("black", "weighted"), more_bounces=(0, -1)),
-        ),
+        (*_of(more_bounces=(-1, 1)), *_of(last=("black", "weighted"), more_bounces=(0, -1))),
     ),
     Mistake(
         "one-bounce",
@@ -287,12 +281,7 @@ MISTAKES = (
         "read the OBJ file, and intersect each triangle",
         _of(missing=("m",)),
     ),
-    Mistake(
-        "no-spheres",
-        "spheres are not seen: not there yet?",
-        "intersect each sphere, too",
-        _of(missing=("s",)),
-    ),
+    Mistake("no-spheres", "spheres are not seen: not there yet?", "intersect each sphere, too", _of(missing=("s",))),
     Mistake(
         "no-cylinders",
         "cylinders are not seen: not there yet?",
@@ -324,12 +313,7 @@ MISTAKES = (
         "it is full within alpha1 of its axis, fades until alpha2, and does not shine beyond",
         _of(spot=("none",)),
     ),
-    Mistake(
-        "no-spot-lights",
-        "spot lights do not shine: not there yet?",
-        "add them as point lights with a cone",
-        (),
-    ),
+    Mistake("no-spot-lights", "spot lights do not shine: not there yet?", "add them as point lights with a cone", ()),
     Mistake(
         "no-point-lights",
         "point lights do not shine: not there yet?",
@@ -342,12 +326,7 @@ MISTAKES = (
         "add them, with l = -direction, normalized",
         (),
     ),
-    Mistake(
-        "light-missing",
-        "not all of the lights shine",
-        "add up what all lights of the file give",
-        (),
-    ),
+    Mistake("light-missing", "not all of the lights shine", "add up what all lights of the file give", ()),
     Mistake(
         "light-not-normalized",
         "the vector to the light is not of length 1",
@@ -571,13 +550,7 @@ MISTAKES = (
         (),
         whole=True,
     ),
-    Mistake(
-        "inverted",
-        "black is white",
-        "write 255 c, not 255 - 255 c",
-        _of(inverted=(True,)),
-        whole=True,
-    ),
+    Mistake("inverted", "black is white", "write 255 c, not 255 - 255 c", _of(inverted=(True,)), whole=True),
     Mistake(
         "upside-down",
         "top and bottom are exchanged",

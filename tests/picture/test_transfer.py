@@ -14,7 +14,7 @@ from test_outputs import png16
 
 import cltrace
 from cltrace import Image, Material, Mesh, Scene, ambient_light, parallel_light
-from cltrace.picture.levels import srgb_bytes
+from cltrace.picture.composition import srgb_bytes
 from cltrace.run.devices import Device
 from cltrace.scene.colors import decoded, encoded
 from cltrace.students.check import check
