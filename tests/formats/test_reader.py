@@ -66,6 +66,7 @@ SCENE = """\
   </surfaces>
 </scene>
 """
+BODY = SCENE.split("\n", 2)[2]
 SPHERE_TEXT = SCENE[SCENE.index("    <sphere") : SCENE.index("  </surfaces>")]
 MATERIAL_TEXT = SPHERE_TEXT[SPHERE_TEXT.index("      <material") : SPHERE_TEXT.index("    </sphere>")]
 
@@ -271,12 +272,6 @@ def test_numbers(written: str, fault: str) -> None:
 
 # What is changed to what in SCENE, and the exact messages.
 FAULTS: dict[str, tuple[str, str, list[str]]] = {
-    "background": ('r="0.1"', 'r="-0.1"', ["4: background_color: r must be >= 0, got -0.1"]),
-    "no background": (
-        '  <background_color r="0.1" g="0.2" b="0.3"/>',
-        "",
-        ["3: scene: <background_color> is missing"],
-    ),
     "misspelt background": (
         "background_color",
         "background_colour",
@@ -299,17 +294,10 @@ FAULTS: dict[str, tuple[str, str, list[str]]] = {
         'angle="90"',
         ["9: camera horizontal_fov: angle must be within (0, 90), got 90: it is half of the opening, is 45 meant?"],
     ),
-    "fov -1": ('angle="45"', 'angle="-1"', ["9: camera horizontal_fov: angle must be within (0, 90), got -1"]),
-    "fov nan": ('angle="45"', 'angle="nan"', ["9: camera horizontal_fov: angle must be a finite number, got nan"]),
     "resolution 0": (
         'horizontal="640"',
         'horizontal="0"',
         ["10: camera resolution: must be within 1..65536 each and 1073741824 pixels, got 0x480"],
-    ),
-    "resolution -1": (
-        'vertical="480"',
-        'vertical="-1"',
-        ["10: camera resolution: must be within 1..65536 each and 1073741824 pixels, got 640x-1"],
     ),
     "resolution absurd": (
         'horizontal="640"',
@@ -322,11 +310,7 @@ FAULTS: dict[str, tuple[str, str, list[str]]] = {
         ["10: camera resolution: horizontal must be an integer, got '640.0'"],
     ),
     "bounces float": ('n="8"', 'n="8.5"', ["11: camera max_bounces: n must be an integer, got '8.5'"]),
-    "bounces -1": ('n="8"', 'n="-1"', ["11: camera max_bounces: n must be within 0..100, got -1"]),
     "bounces 101": ('n="8"', 'n="101"', ["11: camera max_bounces: n must be within 0..100, got 101"]),
-    "no up": ('    <up x="0" y="1" z="0"/>\n', "", ["5: camera: <up> is missing"]),
-    "light colour": ('g="0.5"', 'g="-1"', ["15: parallel_light color: g must be >= 0, got -1"]),
-    "parallel direction": ('y="-1" z="0"', 'y="0" z="0"', ["15: parallel_light direction: must not be 0"]),
     "spot direction": ('z="-3"', 'z="-0"', ["20: spot_light direction: must not be 0"]),
     "alpha order": (
         'alpha1="20"',
@@ -338,22 +322,10 @@ FAULTS: dict[str, tuple[str, str, list[str]]] = {
         'alpha2="181"',
         ["21: spot_light falloff: alpha2 must be within [0, 180], got 181: it is half of the opening, is 90.5 meant?"],
     ),
-    "alpha missing": ('alpha2="25.5"', "", ["21: spot_light falloff: attribute alpha2 is missing"]),
-    "point light without position": (
-        '<position x="5" y="8" z="2"/>',
-        "",
-        ["16: point_light: <position> is missing"],
-    ),
-    "radius missing": (' radius="1.5"', "", ["25: sphere: attribute radius is missing"]),
     "radius misspelt": (
         'radius="1.5"',
         'raduis="1.5"',
         ["25: sphere: attribute radius is missing; did you mean 'raduis'?"],
-    ),
-    "radius in capitals": (
-        'radius="1.5"',
-        'RADIUS="1.5"',
-        ["25: sphere: attribute radius is missing; did you mean 'RADIUS'?"],
     ),
     "position misspelt": (
         '<position x="4"',
@@ -365,7 +337,6 @@ FAULTS: dict[str, tuple[str, str, list[str]]] = {
         '<position x="4" y="5" z="6"/>\n<position x="4" y="5" z="6"/>',
         ["27: sphere: <position> must occur only once"],
     ),
-    "coordinate": ('x="4"', 'x="nan"', ["26: sphere position: x must be a finite number, got nan"]),
     "no material": (
         MATERIAL_TEXT,
         "",
@@ -376,28 +347,11 @@ FAULTS: dict[str, tuple[str, str, list[str]]] = {
         MATERIAL_TEXT + "<material_textured/>",
         ["34: sphere: <material_textured> must occur only once"],
     ),
-    "sphere colour": ('r="0.5"', 'r="-0.5"', ["28: material_solid color: r must be >= 0, got -0.5"]),
-    "coefficient": ('kd="0.9"', 'kd="-0.9"', ["29: material_solid phong: kd must be >= 0, got -0.9"]),
     "exponent": ('exponent="200"', 'exponent="-1"', ["29: material_solid phong: exponent must be >= 0, got -1"]),
     "reflectance": (
         '<reflectance r="0.0"',
         '<reflectance r="abc"',
         ["30: material_solid reflectance: r must be a number, got 'abc'"],
-    ),
-    "a mirror of less than nothing": (
-        '<reflectance r="0.0"',
-        '<reflectance r="-1e-3"',
-        ["30: material_solid reflectance: r must be >= 0, got -1e-3"],
-    ),
-    "glass of less than nothing": (
-        't="0.0"',
-        't="-.5"',
-        ["31: material_solid transmittance: t must be >= 0, got -.5"],
-    ),
-    "an index without a bound": (
-        'iof="0"',
-        'iof="1e39"',
-        ["32: material_solid refraction: iof must not exceed 3.4e38 in magnitude, got 1e39"],
     ),
     "glass without index": (
         't="0.0"',
@@ -409,20 +363,10 @@ FAULTS: dict[str, tuple[str, str, list[str]]] = {
         't="5e-1"/>\n        <refraction iof="-15e-1"',
         ["27: sphere material_solid: refraction iof must be > 0 where t > 0, got -1.5"],
     ),
-    "the least of glass": (
-        't="0.0"',
-        't="1.5e-45"',
-        ["27: sphere material_solid: refraction iof must be > 0 where t > 0, got 0"],
-    ),
     "glass whose index is missing": (
         't="0.0"/>\n        <refraction iof="0"',
         't="0.5"/>\n        <refraction',
         ["32: material_solid refraction: attribute iof is missing"],
-    ),
-    "glass without refraction": (
-        't="0.0"/>\n        <refraction iof="0"/>',
-        't="0.5"/>',
-        ["27: sphere material_solid: <refraction> is missing"],
     ),
     "texture": (
         MATERIAL_TEXT,
@@ -441,18 +385,10 @@ FAULTS: dict[str, tuple[str, str, list[str]]] = {
         f'<surfaces>\n<mesh name="../b.obj">{MATERIAL_TEXT}</mesh>\n',
         ["25: mesh: name must stay within the scene's folder, got '../b.obj'"],
     ),
-    "two cameras": ("<lights>", "<camera/>\n<lights>", ["13: scene: <camera> must occur only once"]),
-    "two surfaces": ("</scene>", "<surfaces/></scene>", ["36: scene: <surfaces> must occur only once"]),
-    "no output_file": (' output_file="example.png"', "", ["3: scene: attribute output_file is missing"]),
     "a transform twice": (
         MATERIAL_TEXT,
         MATERIAL_TEXT + "<transform/><transform/>",
         ["34: sphere: <transform> must occur only once"],
-    ),
-    "a step's attribute": (
-        MATERIAL_TEXT,
-        MATERIAL_TEXT + '<transform><rotateX angle="1"/></transform>',
-        ["34: transform rotateX: attribute theta is missing"],
     ),
     "a scale of 0": (
         MATERIAL_TEXT,
@@ -510,6 +446,22 @@ def test_fault(name: str) -> None:
     assert faults_of(changed(old, new)) == expected
 
 
+def test_every_attribute_and_element_is_needed() -> None:
+    """Each in turn is left out, or is no number: one fault, in its line, which names it and its element."""
+    for found in re.finditer(r'<(\w+)((?: \w+="[^"]*")+)/?>', BODY):
+        for name in re.findall(r'(\w+)="', found[2]):
+            at, end = found.span()
+            line = BODY.count("\n", 0, at) + 1
+            for new, words in (("", f"attribute {name} is missing"), (f' {name}=""', f"{name} must")):
+                element = re.sub(f' {name}="[^"]*"', new, found[0])
+                (fault,) = faults_of(BODY[:at] + element + BODY[end:])
+                assert fault.startswith(f"{line}: ")
+                assert f"{found[1]}: {words}" in fault
+        if found[0].endswith("/>"):
+            faults = faults_of(BODY[:at] + BODY[end:])
+            assert any(f"<{found[1]}> is missing" in fault for fault in faults)
+
+
 def test_each_ellipsoid_has_its_own_line() -> None:
     transforms = [
         "",
@@ -553,16 +505,9 @@ def test_output_file(name: str, fault: str) -> None:
 
 def test_all_faults_come_at_once_in_line_order() -> None:
     text = SCENE
-    for name in (
-        "reflectance",
-        "exponent",
-        "position misspelt",
-        "alpha order",
-        "up 0",
-        "no output_file",
-        "eye at lookat",
-    ):
+    for name in ("reflectance", "exponent", "position misspelt", "alpha order", "up 0", "eye at lookat"):
         text = changed(*FAULTS[name][:2], text)
+    text = changed(' output_file="example.png"', "", text)
     assert faults_of(changed('radius="1.5"', 'radius="x"', text)) == [
         "3: scene: attribute output_file is missing",
         "7: camera lookat: must differ from position",
@@ -1294,7 +1239,6 @@ def test_an_unreadable_file(monkeypatch: pytest.MonkeyPatch) -> None:
 
 ENTITIES = "".join(f'<!ENTITY e{i + 1} "{f"&e{i};" * 20}">\n' for i in range(12))
 BOMB = f'<!DOCTYPE scene [\n<!ENTITY e0 "{"x" * 50}">\n{ENTITIES}]>\n'
-BODY = SCENE.split("\n", 2)[2]
 
 
 @pytest.mark.parametrize(
