@@ -30,7 +30,7 @@ def view(options: Options, reporter: Reporter) -> int:
     del how["outputs"], how["antialias"], how["samples"]
     read = partial(scene_of, options.scenes[0], options, reporter, lines=True)
     scene = read()
-    film = judge = None
+    film = comparison = None
     if options.orbit is not None:
         frames, file = orbit_of(options, scene)
 
@@ -38,9 +38,9 @@ def view(options: Options, reporter: Reporter) -> int:
         film = Film(lambda seen: orbit_of(options, seen)[0], len(frames), options.fps or FPS, file, write)
     if options.compare is not None:  # as --compare alone does
         own: dict[str, Any] = {"truncate": options.truncate, "antialias": options.antialias}
-        judge = partial(compare, picture=options.compare, device=device, precision=options.precision, **own)
+        comparison = partial(compare, picture=options.compare, device=device, precision=options.precision, **own)
     try:
-        stage = Stage(scene, device, options=how, samples=options.samples, judge=judge, film=film)
+        stage = Stage(scene, device, options=how, samples=options.samples, compare=comparison, film=film)
     except ValueError as error:
         raise UsageError(str(error)) from None
 

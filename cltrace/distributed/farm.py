@@ -37,7 +37,7 @@ THREADS = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "DPCPP_CPU_NUM_CUS
 PATIENCE, SEEN, ALONE, SILENCE = 2.0, 0.5, 60.0, 5.0
 # How often a task that fails is done again.
 RETRIES = 2
-# Tasks for each worker that are on their way at a time, so that it never waits for the client.
+# Pending tasks for each worker, so that none waits for the client.
 TASKS_PER_WORKER = 2
 
 

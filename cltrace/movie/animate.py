@@ -39,9 +39,9 @@ Result = TypeVar("Result")
 
 
 def in_order(
-    tasks: Iterable[Task], begin: Callable[[Task], Callable[[], Result]], room: Callable[[], int]
+    tasks: Iterable[Task], begin: Callable[[Task], Callable[[], Result]], most: Callable[[], int]
 ) -> Generator[tuple[Task, Result], None, None]:
-    """Yields each task with its result, in order. At most room() tasks, and at least one, are on their way.
+    """Yields each task with its result, in order. At most most() tasks, and at least one, are pending.
 
     begin: begins a task, and returns what waits for its result. The thread that asks for results takes the tasks.
     Where the iterable of tasks raises an error, the tasks before it are done first.
@@ -49,7 +49,7 @@ def in_order(
     iterator, waiting = iter(tasks), deque[tuple[Task, Callable[[], Result]]]()
     more, fault = True, None
     while more or waiting:
-        while more and len(waiting) < max(1, room()):
+        while more and len(waiting) < max(1, most()):
             try:
                 task = next(iterator)
             except StopIteration:
@@ -68,7 +68,7 @@ def in_order(
 class FrameRenderer(NamedTuple):
     """What makes images of frames: a device of this machine, or a cluster.
 
-    images: yields each frame with its image, in order, and ends what is on its way when it is closed; options: of
+    images: yields each frame with its image, in order, and ends what is pending when it is closed; options: of
     Renderer, with the precision that is used; devices: their names; place: the same in words, for messages.
     """
 

@@ -32,7 +32,7 @@ class Fingerprints:
 
     def __init__(self, options: Mapping[str, object]) -> None:
         self._options = repr((__version__, sorted(options.items())))
-        self._known: dict[str, tuple[object, bytes]] = {}
+        self._digests: dict[str, tuple[object, bytes]] = {}
         self._lock = threading.Lock()
 
     def of(self, scene: Scene) -> str:
@@ -43,12 +43,12 @@ class Fingerprints:
         return hashlib.sha256(b"\0".join(parts)).hexdigest()
 
     def _digest(self, name: str, value: object) -> bytes:
-        known = self._known.get(name)
-        if known is None or known[0] is not value:
+        found = self._digests.get(name)
+        if found is None or found[0] is not value:
             digest = hashlib.sha256()
             _feed(digest, value)
-            self._known[name] = known = (value, digest.digest())
-        return known[1]
+            self._digests[name] = found = (value, digest.digest())
+        return found[1]
 
 
 def shows(path: Path, fingerprint: str) -> bool:

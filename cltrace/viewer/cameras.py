@@ -1,6 +1,6 @@
 """What a hand does to a camera. Each function gives another camera, or raises ValueError where there is none.
 
-A way of a pointer is a share of the picture's height: x to the right, y downwards. What is under it follows it.
+A drag of the pointer is in shares of the picture's height: x to the right, y downwards. What is under it follows it.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ def pan(camera: AnyCamera, x: float, y: float) -> AnyCamera:
     width, height = camera.resolution
     wide, high = (2 * half * _scale(camera) for half in camera.image_plane())
     right, up, _ = _axes(camera)
-    way = -x * height / width * wide * right + y * high * up
-    return replace(camera, position=camera.position + way, lookat=camera.lookat + way)
+    shift = -x * height / width * wide * right + y * high * up
+    return replace(camera, position=camera.position + shift, lookat=camera.lookat + shift)
 
 
 def zoom(camera: AnyCamera, x: float, y: float) -> AnyCamera:
@@ -82,8 +82,8 @@ def other_kind(camera: AnyCamera, like: Camera) -> AnyCamera:
         height = 2 * camera.image_plane()[1] * _scale(camera)
         return Orthographic(*pose, height=height, resolution=camera.resolution, max_bounces=camera.max_bounces)
     seen = replace(like, resolution=camera.resolution, max_bounces=camera.max_bounces)
-    way = back * (camera.height / 2 / seen.image_plane()[1])
-    return replace(seen, position=camera.lookat + way, lookat=camera.lookat, up=camera.up)
+    shift = back * (camera.height / 2 / seen.image_plane()[1])
+    return replace(seen, position=camera.lookat + shift, lookat=camera.lookat, up=camera.up)
 
 
 def opened(camera: AnyCamera, degrees: float) -> AnyCamera:

@@ -22,14 +22,14 @@ Questions = Literal["explain", "centre", "copy", "compare", "write"]
 Kind = Literal[Moves, Settings, Questions]
 Pictures = Literal["moving", "exact", "smooth", "outline", "mine", "difference"]
 Texts = Literal["explanation", "lines", "comparison", "copy", "said", "fault", "error"]
-LARGEST = 2**28  # pixels, and more than any way of a pointer
+LARGEST = 2**28  # pixels, and more than any drag
 
 
 @dataclass(frozen=True)
 class Event:
     """What was done in the page.
 
-    orbit, pan, zoom: a way of the pointer, x and y, see cameras.py; fit, parallel, back, undo: keys; show: the button
+    orbit, pan, zoom: a drag of the pointer, x and y, see cameras.py; fit, parallel, back, undo: keys; show: the button
     of `name`; centre, explain: about the pixel in column x and row y; copy: the camera, as `name`; compare: with the
     picture of --compare; shown: the picture that counts x events is on the screen; fov: the whole opening angle, x
     degrees; samples: x rays a pixel of the smooth picture; light: number x shines y times as bright as the scene says,
@@ -149,6 +149,6 @@ def _shadow_ray(hit: Hit, light: LightTerm, reach: float) -> Iterator[RayLine]:
         yield RayLine("beyond", blocker, end)
 
 
-def _along(start: Triple, direction: Triple, way: float) -> Triple:
-    x, y, z = (place + way * towards for place, towards in zip(start, direction, strict=True))
+def _along(start: Triple, direction: Triple, distance: float) -> Triple:
+    x, y, z = (place + distance * towards for place, towards in zip(start, direction, strict=True))
     return (x, y, z)

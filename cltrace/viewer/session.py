@@ -211,7 +211,7 @@ class Session:
         home = self._scene.camera
         camera = replace(camera, resolution=home.resolution, max_bounces=home.max_bounces)
         with self._lock:
-            if remember and self._rested:  # once for a way of the pointer
+            if remember and self._rested:  # once for each drag
                 self._undo.append(self.camera)
             self._rested = self._rested and not remember
             self._pinhole = camera if isinstance(camera, Camera) else self._pinhole

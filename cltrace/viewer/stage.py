@@ -135,7 +135,7 @@ class Drawn(NamedTuple):
 class Stage:
     """A scene that may change, on a device.
 
-    options: arguments of Renderer for all pictures; samples: rays a pixel of the smooth ones; judge: compares another
+    options: arguments of Renderer for all pictures; samples: rays a pixel of the smooth ones; compare: compares another
     tracer's picture of a scene with the right one, None if there is none; film: a movie of the scene. scene: what is
     shown now; frames: the film's, or the scene alone; fault: what is wrong with a newer scene, "" for nothing; changed:
     what to call when scene or fault has changed; presses: how often a window wanted something. Raises what Renderer
@@ -148,10 +148,10 @@ class Stage:
         device: Device,
         options: dict[str, Any] | None = None,
         samples: int | None = None,
-        judge: Callable[[Scene], Comparison] | None = None,
+        compare: Callable[[Scene], Comparison] | None = None,
         film: Film | None = None,
     ) -> None:
-        self.scene, self.device, self.judge, self.fault, self.presses = scene, device, judge, "", 0
+        self.scene, self.device, self.compare, self.fault, self.presses = scene, device, compare, "", 0
         self.film = film or Film()
         self.frames = Frames(self.film, scene)
         self.changed = set[Callable[[], object]]()
@@ -235,8 +235,8 @@ class Stage:
     def compared(self) -> Comparison | None:
         """The other tracer's picture beside the right one, if there is one. Raises what compare() raises."""
         scene = self.scene
-        if self.judge and (self._compared is None or self._compared[0] is not scene):
-            self._compared = scene, self.judge(scene)
+        if self.compare and (self._compared is None or self._compared[0] is not scene):
+            self._compared = scene, self.compare(scene)
         return self._compared[1] if self._compared else None
 
 

@@ -277,7 +277,7 @@ def test_comparison(spec: str, tmp_path: Path) -> None:
     mine = tmp_path / "mine.png"
     scene = cltrace.load(FILE)
     cltrace.Image(rgb8=cltrace.render(scene, spec).rgb8[::-1]).save(mine)
-    session = Session(Stage(scene, choose(spec), judge=lambda seen: cltrace.compare(seen, mine, device=spec)))
+    session = Session(Stage(scene, choose(spec), compare=lambda seen: cltrace.compare(seen, mine, device=spec)))
     own, difference, words = session.answer(Event("compare"))
     assert (own.kind, difference.kind, words.kind) == ("mine", "difference", "comparison")
     found = cltrace.compare(scene, mine, device=spec)
@@ -473,7 +473,7 @@ def test_a_click_says_what_is_wrong_there(spec: str) -> None:
     right = cltrace.render(scene, spec).rgb8
     mine = right.copy()
     mine[180, 240] = 0
-    session = Session(Stage(scene, choose(spec), judge=lambda seen: cltrace.compare(seen, mine, device=spec)))
+    session = Session(Stage(scene, choose(spec), compare=lambda seen: cltrace.compare(seen, mine, device=spec)))
     wrong, same = (next(session.answer(Event("explain", 240, y))).text.split("\n") for y in (180, 181))
     assert wrong[1].startswith("the other picture has 0 0 0, which is wrong: look at ")
     assert same[1] == f"the other picture has {' '.join(map(str, right[181, 240]))}, which is right"
