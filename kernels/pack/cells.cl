@@ -133,68 +133,7 @@ static void sink(__global ulong *heap, int at, const int count) {
     heap[at] = key;
 }
 
-/* Lists of up to MERGED entries are sorted by merging runs of RUN_LENGTH, with room for one of two runs beside the
- * list. Longer ones are sorted as heaps, which need no room. On a GPU room is as slow as the list itself. */
-#if W == 1
-#define RUN_LENGTH 12
-#define MERGED RUN_LENGTH
-
-static void sort_run(__global ulong *list, const int count) {
-    for (int i = 1; i < count; i++) {
-        const ulong key = list[i];
-        int k = i;
-        for (; k > 0 && list[k - 1] > key; k--) list[k] = list[k - 1];
-        list[k] = key;
-    }
-}
-#else
-#define RUN_LENGTH 16
-#define MERGED 1024
-
-typedef LANES(ulong) KEYS;
-
-/* How many keys of a list are below each of these. */
-INLINE KEYS ranks(__global const ulong *list, const int count, const KEYS keys) {
-    KEYS below = 0;
-    for (int i = 0; i < count; i++) below -= AS(ulong, (KEYS)list[i] < keys);
-    return below;
-}
-
-/* A key belongs where as many are as are below it. There is nothing in this that a CPU would have to guess. What is
- * beyond the list, up to AHEAD entries, is read in vain. */
-INLINE void sort_run(__global ulong *list, const int count) {
-    ulong key[RUN_LENGTH], place[RUN_LENGTH];
-    for (int i = 0; i < count; i += W) {
-        const KEYS keys = LOAD_LANES(list + i);
-        STORE_LANES(keys, key + i);
-        STORE_LANES(ranks(list, count, keys), place + i);
-    }
-    for (int i = 0; i < count; i++) list[place[i]] = key[i];
-}
-#endif
-
-/* Merges two runs, of which the first one ends at `middle`. */
-static void merge(__global ulong *list, const int middle, const int count, ulong *room) {
-    if (list[middle - 1] < list[middle]) return;
-    for (int i = 0; i < middle; i++) room[i] = list[i];
-    int left = 0, right = middle, k = 0;
-    while (left < middle && right < count) {
-        const ulong a = room[left], b = list[right];
-        const int second = b < a;
-        list[k++] = second ? b : a;
-        right += second;
-        left += !second;
-    }
-    while (left < middle) list[k++] = room[left++];
-}
-
-static void merge_sort(__global ulong *list, const int count) {
-    ulong room[MERGED];
-    for (int i = 0; i < count; i += RUN_LENGTH) sort_run(list + i, min(RUN_LENGTH, count - i));
-    for (int run = RUN_LENGTH; run < count; run *= 2)
-        for (int i = 0; i + run < count; i += 2 * run) merge(list + i, run, min(2 * run, count - i), room);
-}
-
+/* Sorts a list as a heap, which needs no room. */
 static void heap_sort(__global ulong *list, const int count) {
     for (int i = count / 2 - 1; i >= 0; i--) sink(list, i, count);
     for (int i = count - 1; i > 0; i--) {
@@ -211,8 +150,7 @@ __kernel void sort_lists(const int cells, const int at, __global const int *rest
     FOR_EACH_SPHERE(cell, cells) {
         __global ulong *list = entry + start[at + cell];
         const int count = start[at + cell + 1] - start[at + cell];
-        if (count <= MERGED) merge_sort(list, count);
-        else heap_sort(list, count);
+        heap_sort(list, count);
         for (int i = 0; i < count; i++) {
             const int bits = as_int((uint)(list[i] >> 32) ^ 0x80000000u);
             list[i] = (ulong)as_uint(bits ^ (bits >> 31 & 0x7fffffff)) << 32 | (uint)list[i];

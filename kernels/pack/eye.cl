@@ -22,13 +22,7 @@ typedef struct {
 INLINE FromEye from_eye(const Eye eye, const Real3 place, const REAL radius) {
     const Pair3 v = {two_sum(place.x, -eye.place.x), two_sum(place.y, -eye.place.y), two_sum(place.z, -eye.place.z)};
     FromEye s = {place};
-    const REAL off = doubt(v);
-    REAL_INT unsure = 0;
-    s.far.x = quick_product(eye.right, v, off, &unsure);
-    s.far.y = quick_product(eye.up, v, off, &unsure);
-    s.far.z = quick_product(eye.back, v, off, &unsure);
-    if (RARELY(ANY(TO_MASK(unsure != 0))))
-        s.far.x = dot_product(eye.right, v), s.far.y = dot_product(eye.up, v), s.far.z = dot_product(eye.back, v);
+    s.far.x = dot_product(eye.right, v), s.far.y = dot_product(eye.up, v), s.far.z = dot_product(eye.back, v);
     s.near.x = s.far.x * eye.unit, s.near.y = s.far.y * eye.unit, s.near.z = s.far.z * eye.unit;
     s.radius = radius, s.r = radius * eye.unit;
     s.excess = square_excess(v, radius);
@@ -169,8 +163,6 @@ __kernel void see_from_eye(const int n, const int pitch, const double unit, cons
     Ends ends = {0, 1};
     LONG there = 0, members = 0, entries = 0;
     FOR_EACH_PACKET(i, n) {
-        FETCH_ROWS(center, 3, i);
-        FETCH_ROWS(radius, 1, i);
         const Real3 place = point_of(center, n, i), small = {place.x * unit, place.y * unit, place.z * unit};
         const FromEye s = from_eye(from, place, column(radius, n, i));
         note_unsure(unsure, i, n, s.excess.lo);

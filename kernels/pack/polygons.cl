@@ -2,8 +2,9 @@
  * as run/pack/polygons.py says.
  *
  * A point is four ints: the bits of a vertex's coordinates along three axes, as floats, and five bits for each side of
- * the cube that the axes are those of, 2 * axis + (1 where it is looked along minus the axis): the sides of the window that a vertex is beyond, and BEYOND. A picture
- * is side AHEAD. Triangles with a corner beyond the pyramid, or too large, are left to the host.
+ * the cube that the axes are those of, 2 * axis + (1 where it is looked along minus the axis): the sides of the window
+ * that a vertex is beyond, and BEYOND. A picture is side AHEAD. Triangles with a corner beyond the pyramid, or too
+ * large, are left to the host.
  */
 #define SIDE_BITS 5
 #define BEYOND 16
@@ -452,9 +453,9 @@ __kernel void count_outlines(const int n, const int pixels, __constant Levels *l
 }
 
 /* The entries of polygons with outlines. index: of the first triangle. The rest: see scatter_members() in cells.cl. */
-__kernel void scatter_outlines(const int n, const int pixels, const int index,
-                               __constant Levels *levels, __global const float *restrict outline,
-                               volatile __global int *next, __global ulong *restrict entry) {
+__kernel void scatter_outlines(const int n, const int pixels, const int index, __constant Levels *levels,
+                               __global const float *restrict outline, volatile __global int *next,
+                               __global ulong *restrict entry) {
     FOR_EACH_PACKET(i, n) {
         const Outlines o = outlines_of(outline + (long)OUTLINE * i, n - i, levels, pixels);
         int triangle[W];
@@ -472,10 +473,10 @@ __kernel void scatter_outlines(const int n, const int pixels, const int index,
 }
 
 /* The entries of polygons without outlines, which count_members() in cells.cl counts. */
-__kernel void scatter_polygons(const int n, const int pitch, const int index,
-                               __constant Levels *levels, __global const char *restrict level_of,
-                               __global const short *restrict covers, __global const float *restrict near,
-                               volatile __global int *next, __global ulong *restrict entry) {
+__kernel void scatter_polygons(const int n, const int pitch, const int index, __constant Levels *levels,
+                               __global const char *restrict level_of, __global const short *restrict covers,
+                               __global const float *restrict near, volatile __global int *next,
+                               __global ulong *restrict entry) {
     FOR_EACH_SPHERE(i, n) {
         const int level = level_of[i];
         if (level < 0) continue;

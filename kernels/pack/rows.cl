@@ -41,7 +41,7 @@ INLINE REAL column(__global const double *table, const int n, const int i) {
 }
 
 /* The same of three columns, side by side. */
-INLINE Real3 any_point_of(__global const double *table, const int n, const int i) {
+INLINE Real3 point_of(__global const double *table, const int n, const int i) {
     double lane[3][W];
     for (int k = 0; k < W; k++)
         for (int column = 0; column < 3; column++) lane[column][k] = table[3L * min(i + k, n - 1) + column];
@@ -50,37 +50,6 @@ INLINE Real3 any_point_of(__global const double *table, const int n, const int i
 }
 
 /* WRITE_ROWS: rows of two or four numbers, of which each vector has one. */
-#if W == 8
-INLINE Real3 point_of(__global const double *table, const int n, const int i) {
-    if (i + W > n) return any_point_of(table, n, i);
-    __global const double *row = table + 3L * i;
-    const double8 a = vload8(0, row), b = vload8(1, row), c = vload8(2, row);
-    const Real3 p = {(double8)(a.s036, b.s147, c.s25), (double8)(a.s147, b.s25, c.s036),
-                     (double8)(a.s25, b.s036, c.s147)};
-    return p;
-}
-#define LOW_PAIRS(a, b) (a.s0, b.s0, a.s1, b.s1, a.s2, b.s2, a.s3, b.s3)
-#define HIGH_PAIRS(a, b) (a.s4, b.s4, a.s5, b.s5, a.s6, b.s6, a.s7, b.s7)
-#define WRITE_ROWS_2(type, table, i, a, b)                      \
-    do {                                                        \
-        const PASTE(type, 8) a_ = a, b_ = b;                    \
-        __global type *row_ = (__global type *)((table) + (i)); \
-        vstore8((PASTE(type, 8))LOW_PAIRS(a_, b_), 0, row_);    \
-        vstore8((PASTE(type, 8))HIGH_PAIRS(a_, b_), 1, row_);   \
-    } while (0)
-#define WRITE_ROWS_4(type, table, i, a, b, c, d)                                                               \
-    do {                                                                                                       \
-        const PASTE(type, 8) a_ = a, b_ = b, c_ = c, d_ = d;                                                   \
-        __global type *row_ = (__global type *)((table) + (i));                                                \
-        const PASTE(type, 8) p_ = (PASTE(type, 8))LOW_PAIRS(a_, b_), q_ = (PASTE(type, 8))LOW_PAIRS(c_, d_);   \
-        const PASTE(type, 8) r_ = (PASTE(type, 8))HIGH_PAIRS(a_, b_), s_ = (PASTE(type, 8))HIGH_PAIRS(c_, d_); \
-        vstore8((PASTE(type, 8))(p_.s01, q_.s01, p_.s23, q_.s23), 0, row_);                                    \
-        vstore8((PASTE(type, 8))(p_.s45, q_.s45, p_.s67, q_.s67), 1, row_);                                    \
-        vstore8((PASTE(type, 8))(r_.s01, s_.s01, r_.s23, s_.s23), 2, row_);                                    \
-        vstore8((PASTE(type, 8))(r_.s45, s_.s45, r_.s67, s_.s67), 3, row_);                                    \
-    } while (0)
-#else
-#define point_of any_point_of
 #define WRITE_ROWS_2(type, table, i, a, b) \
     do {                                   \
         type a_[W], b_[W];                 \
@@ -105,17 +74,6 @@ INLINE Real3 point_of(__global const double *table, const int n, const int i) {
             (table)[(i) + k].w = d_[k];          \
         }                                        \
     } while (0)
-#endif
-
-/* Fetches the rows, of `width` numbers, that will be read some packets after row i: by itself, a CPU does not look into
- * the next page of memory. */
-#ifdef FETCH
-#define FAR (8L * W)
-#define FETCH_ROWS(table, width, i) \
-    for (int k_ = 0; k_ < (width) * W; k_ += 64 / (int)sizeof(*(table))) FETCH(table, (width) * ((i) + FAR) + k_)
-#else
-#define FETCH_ROWS(table, width, i)
-#endif
 
 /* The largest lane, and the sum of all. */
 INLINE double largest_lane(const REAL x) {

@@ -48,8 +48,6 @@ __kernel void see_from_light(const int n, const int pitch, const double unit, __
                              __global const double *restrict radius, const double4 lamp, __global double *restrict seen,
                              __global int *restrict unsure) {
     FOR_EACH_PACKET(i, n) {
-        FETCH_ROWS(center, 3, i);
-        FETCH_ROWS(radius, 1, i);
         const Real3 p = point_of(center, n, i);
         const Pair3 v = {two_sum(p.x * unit, -lamp.x), two_sum(p.y * unit, -lamp.y), two_sum(p.z * unit, -lamp.z)};
         const Pair c = square_excess(v, column(radius, n, i) * unit);
@@ -93,8 +91,6 @@ __kernel void turn_light(const int n, const double unit, __global const double *
                          const double4 right, const double4 up, const double4 back, const long first,
                          __global const float4 *restrict before, __global float4 *restrict light_filter) {
     FOR_EACH_PACKET(i, n) {
-        FETCH_ROWS(center, 3, i);
-        FETCH_ROWS(before + first, 1, i);
         const Real3 p = point_of(center, n, i);
         const Real3 v = {p.x * unit - lamp.x, p.y * unit - lamp.y, p.z * unit - lamp.z};
         float lane[W];

@@ -37,27 +37,6 @@ INLINE REAL dot_product(const double4 axis, const Pair3 v) {
     return total(c).hi;
 }
 
-/* What dot_product() is within of what quick_product() adds up: see there. */
-INLINE REAL doubt(const Pair3 v) {
-    return fma((fabs(v.x.hi) + fabs(v.y.hi)) + fabs(v.z.hi), (REAL)0x1p-100, (REAL)0x1p-900);
-}
-
-/* What dot_product() is wherever `unsure` is not set, in a third of its operations.
- *
- * With u = 2^-53 and M = |x| + |y| + |z|, the numbers that `rest` adds up come to 4 u M at most, and seven roundings of
- * that, two of it with `doubt`, are off by less than 2^-101 M. dot_product() rounds what is off by less than 2^-103 M.
- * So if both ends of an interval of 2^-100 M around the sum are rounded to the same double, so is what lies between. Of
- * 0 they are not, as `doubt` is more than that. */
-INLINE REAL quick_product(const double4 axis, const Pair3 v, const REAL doubt, REAL_INT *unsure) {
-    const Pair a = two_product(axis.x, v.x.hi), b = two_product(axis.y, v.y.hi), c = two_product(axis.z, v.z.hi);
-    const Pair ab = two_sum(a.hi, b.hi), sum = two_sum(ab.hi, c.hi);
-    const REAL low = fma((REAL)axis.x, v.x.lo, fma((REAL)axis.y, v.y.lo, axis.z * v.z.lo));
-    const REAL rest = (((a.lo + b.lo) + c.lo) + (ab.lo + sum.lo)) + low;
-    const REAL least = sum.hi + (rest - doubt), most = sum.hi + (rest + doubt);
-    *unsure |= least != most;
-    return most;
-}
-
 /* |v|^2 - r^2, a pair. Where its terms cancel too far, `lo` is nan: the host sums those again. */
 INLINE Pair square_excess(const Pair3 v, const REAL r) {
     const Pair x = v.x, y = v.y, z = v.z, square = two_product(r, r);
