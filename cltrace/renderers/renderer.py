@@ -435,6 +435,9 @@ class Renderer:
             counts += f", {len(self.scene.meshes)} meshes"
         return f"<cltrace.Renderer {size}: {counts}, {self.precision} precision, on {self.device.name}>"
 
+    def __copy__(self) -> Renderer:
+        return _DerivedRenderer(self._now)
+
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         raise TypeError(
             "a Renderer cannot be pickled, since its device's buffers stay with their process: pickle its scene, and "

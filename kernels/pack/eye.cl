@@ -85,10 +85,10 @@ INLINE FLOAT clipped(const FLOAT x, const int low, const int high) {
 
 /* loose: by how much slopes are off, beside a share of themselves; axis: x: leads from slopes to pixels, y, z: what is
  * added to begin and end; range: the first pixel, and the one after the last. */
-INLINE Run pixels_of(const Slopes s, const float loose, const float4 axis, const int2 range, const int shift) {
-    const FLOAT slack = (fabs(s.low) + fabs(s.high)) * (float)SLACK + loose;
-    const FLOAT first = clipped(ceil((s.low - slack) * axis.x + axis.y), range.x, range.y);
-    const FLOAT last = clipped(floor((s.high + slack) * axis.x + axis.z), range.x - 1, range.y - 1);
+INLINE Run pixels_of(const Slopes s, const double loose, const double4 axis, const int2 range, const int shift) {
+    const REAL slack = (fabs(s.low) + fabs(s.high)) * SLACK + loose;
+    const FLOAT first = clipped(TO_FLOAT(ceil((s.low - slack) * axis.x + axis.y)), range.x, range.y);
+    const FLOAT last = clipped(TO_FLOAT(floor((s.high + slack) * axis.x + axis.z)), range.x - 1, range.y - 1);
     const INT begin = TO_INT(first) >> shift;
     const Run run = {begin, (TO_INT(last) >> shift) - begin, first <= last};
     return run;
@@ -98,27 +98,25 @@ INLINE Run pixels_of(const Slopes s, const float loose, const float4 axis, const
  * rays' starts; near: the depth of its nearest point, at least. */
 typedef struct {
     Slopes across, down;
-    float loose;
+    double loose;
     MASK ahead;
     FLOAT near;
 } Disc;
 
 /* As slopes; depths are squared distances. */
 INLINE Disc disc_from_eye(const FromEye s) {
-    const FLOAT x = TO_FLOAT(s.near.x), y = TO_FLOAT(s.near.y), z = TO_FLOAT(s.near.z), r = TO_FLOAT(s.r);
-    const Circles circle = circles(-z, r, TO_FLOAT((s.near.z - s.r) * (s.near.z + s.r)));
-    const Disc disc = {slopes(x, circle), slopes(-y, circle), 0, TO_MASK(s.near.z < s.r * (1 + SLACK)),
-                       nearest(length_of(x, y, z), r, s.c)};
+    const Circles circle = circles(-s.near.z, s.r, (s.near.z - s.r) * (s.near.z + s.r));
+    const Disc disc = {slopes(s.near.x, circle), slopes(-s.near.y, circle), 0, TO_MASK(s.near.z < s.r * (1 + SLACK)),
+                       nearest(length_of(s.near.x, s.near.y, s.near.z), s.r, s.c)};
     return disc;
 }
 
 /* Of parallel rays: as places on the plane where they start; depths are distances from there. */
 INLINE Disc disc_along_view(const FromEye s) {
-    const FLOAT x = TO_FLOAT(s.near.x), y = TO_FLOAT(s.near.y), r = TO_FLOAT(s.r);
     const REAL depth = -(s.near.z + s.r), size = fabs(s.near.z) + s.r;
-    const Disc disc = {{x - r, x + r},
-                       {-y - r, r - y},
-                       (float)LOOSE,
+    const Disc disc = {{s.near.x - s.r, s.near.x + s.r},
+                       {-s.near.y - s.r, s.r - s.near.y},
+                       LOOSE,
                        TO_MASK(s.near.z - s.r < SLACK * s.r + LOOSE),
                        rounded_down(depth - SLACK * size - LOOSE)};
     return disc;
@@ -149,7 +147,7 @@ INLINE Ends with_sphere(const Ends so_far, const FromEye s, const int along) {
  * `seen`; part: NOTES for each work-item. */
 __kernel void see_from_eye(const int n, const int pitch, const double unit, const double4 eye, const double4 right,
                            const double4 up, const double4 back, const double slack, const int shells,
-                           const int some_again, const float4 x_axis, const float4 y_axis, const int2 x_range,
+                           const int some_again, const double4 x_axis, const double4 y_axis, const int2 x_range,
                            const int2 y_range, const int shift, const int along, const int keep_seen,
                            __global const double *restrict center, __global const double *restrict radius,
                            __global const double4 *restrict shell, __global const char *restrict again,

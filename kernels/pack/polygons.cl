@@ -196,15 +196,16 @@ INLINE FLOAT area_of(const FLOAT *x, const FLOAT *y) {
     return fabs((x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])) / 2;
 }
 
-/* Where polygons are entered. pixels: in the side of a cell of the picture, 0 for a light's window.
+/* Where polygons are entered. pixels: in the side of a cell of the picture, 0 for a light's window; level: of cells, < 0
+ * where nothing is to be entered.
  * A light's: axis: for each axis where the window begins, where it ends, what leads to cells, and the last cell; slack:
  * relative to an edge; loose: what edges are off by beside that; furthest: where the last ray ends; low, scale: lead
  * from the plane to cells; off: what cells are off by. A picture's: axis: the first pixel of each axis, and the one
  * after the last; loose: what edges are off by, and off. */
 typedef struct {
     double axis[2][4], slack, loose, low[2], scale[2], off;
-    float furthest, price;
-    int pixels, levels;
+    float furthest;
+    int pixels, level;
 } Place;
 
 /* Which cells polygons cover, across and down; those that do; those of more than one row and column; area, width plus
@@ -262,7 +263,7 @@ INLINE Covered cells_under(const Polygon p, const MASK seen, __constant Place *p
 }
 
 /* The sizes of some triangles, from the first one on, one in `stride`: two numbers each, -1 where it is not entered.
- * With levels: area, width plus height in cells; else: the area on the plane. */
+ * With a level: area, width plus height in cells of level 0; else: the area on the plane. */
 __kernel void sample_polygons(const int count, const int first, const int stride, const int side, __constant Pane *pane,
                               __constant Place *place, __global const int *restrict point,
                               __global const int *restrict face, __global const char *restrict among,
@@ -273,7 +274,7 @@ __kernel void sample_polygons(const int count, const int first, const int stride
         const Polygon p = polygon_of(at, side, pane);
         MASK seen = those_of(among, some, i) & may_be_seen(at, side) & is_inside(at, side) & !p.large;
         FLOAT area = area_of(p.corner[0], p.corner[1]), sides = 0;
-        if (place->levels) {
+        if (place->level >= 0) {
             const Covered c = cells_under(p, seen, place);
             seen = c.within, area = c.area, sides = c.sides;
         }
@@ -288,22 +289,8 @@ __kernel void sample_polygons(const int count, const int first, const int stride
 #define OUTLINED -2
 #define ABSENT -1
 
-/* The level on which each polygon costs least: see price_of() in run/pack/polygons.py. */
-INLINE INT levels_of(const Covered c, __constant Place *place) {
-    INT level = 0;
-    for (int k = 1; k < place->levels; k++) {
-        const float finer = 1 << (k - 1), cell = 1 << k;
-        const FLOAT looks = c.sides * finer + 3 * finer * finer,
-                    won = place->price * (c.area * (3 / (cell * cell)) + c.sides * (1 / cell));
-        const MASK up = c.within & (c.sides > 0) & (looks <= won);
-        if (!ANY(up)) break;
-        level += up ? (INT)1 : (INT)0;
-    }
-    return level;
-}
-
 /* Adds the outlines of those polygons that sprawl. i: the first triangle's index; off: of Place. */
-INLINE void add_outlines(const Covered c, const FLOAT near, const INT level, const int i, const double off,
+INLINE void add_outlines(const Covered c, const FLOAT near, const int level, const int i, const double off,
                          __global int *outlines, __global float *outline) {
     REAL most = 0;
     for (int j = 0; j < 3; j++)
@@ -311,7 +298,7 @@ INLINE void add_outlines(const Covered c, const FLOAT near, const INT level, con
     float number[7][W];
     int whole[6][W], sprawls[W];
     STORE_LANES(AS(int, near), whole[0]);
-    STORE_LANES(level, whole[1]);
+    STORE_LANES((INT)level, whole[1]);
     for (int k = 0; k < 2; k++) {
         STORE_LANES(c.run[k].begin >> level, whole[2 + 2 * k]);
         STORE_LANES((c.run[k].begin + c.run[k].more) >> level, whole[3 + 2 * k]);
@@ -330,15 +317,15 @@ INLINE void add_outlines(const Covered c, const FLOAT near, const INT level, con
 }
 
 /* Enters triangles. level_of: the level of each one that has no outline, else OUTLINED or ABSENT. outlines: how many
- * there are. For each work-item: which levels are used, as bits. */
+ * there are. For each work-item: how many are entered. */
 __kernel void place_polygons(const int m, const int pitch, const int side, __constant Pane *pane,
                              __constant Place *place, __global const int *restrict point,
                              __global const int *restrict face, __global const char *restrict among,
                              __global short *restrict covers, __global float *restrict near,
                              __global char *restrict level_of, __global int *restrict outlines,
-                             __global float *restrict outline, __global int *restrict part) {
+                             __global float *restrict outline, __global long *restrict part) {
     const Some all = {0, 1, m};
-    INT used = 0;
+    LONG members = 0;
     FOR_EACH_PACKET(i, m) {
         const SeenCorners at = corners_of(point, face, all, i);
         const MASK wanted = those_of(among, all, i) & may_be_seen(at, side) & is_inside(at, side);
@@ -352,17 +339,13 @@ __kernel void place_polygons(const int m, const int pitch, const int side, __con
             store_flags((INT)ABSENT, level_of + i);
             continue;
         }
-        const INT level = levels_of(c, place);
         store_covers(c.run[0], c.run[1], covers + i, pitch);
         STORE_LANES(p.near, near + i);
-        used |= c.within ? (INT)1 << level : (INT)0;
-        store_flags(c.within ? (c.sprawls ? (INT)OUTLINED : level) : (INT)ABSENT, level_of + i);
-        if (ANY(c.sprawls)) add_outlines(c, p.near, level, i, place->off, outlines, outline);
+        members += TO_LONG(c.within ? (INT)1 : (INT)0);
+        store_flags(c.within ? (c.sprawls ? (INT)OUTLINED : (INT)place->level) : (INT)ABSENT, level_of + i);
+        if (ANY(c.sprawls)) add_outlines(c, p.near, place->level, i, place->off, outlines, outline);
     }
-    int lane[W], every = 0;
-    STORE_LANES(used, lane);
-    for (int k = 0; k < W; k++) every |= lane[k];
-    part[get_global_id(0)] = every;
+    part[get_global_id(0)] = sum_of_lanes(members);
 }
 
 /* W polygons' cells in rows of them. x, y: where their sides begin, lower end first, end_y, slope: where they end;

@@ -1,55 +1,47 @@
 /* tiles.cl: which cells spheres cover: of the picture, and of the grids of a light at a point. The bounds are
  * those of accel/silhouettes.py and accel/grids.py of cltrace/plan.
  *
- * edge_t and edge4, of the host, are the types of discs' edges: float, or double where cells are too fine for that.
  * `covers` holds four columns of `pitch` shorts each: the first column and row of cells and how many more of each.
  * near: the depth of the nearest point; infinite where a sphere is not to be entered.
  */
-typedef LANES(edge_t) EDGE;
-#define TO_EDGE(x) TO(edge_t, x)
-/* The mask of a comparison of EDGEs as a MASK, and back. */
-#define EDGE_MASK(m) TO_INT(m)
-#define FROM_MASK(m) TO(PASTE(MASK_OF_, edge_t), m)
-#define MASK_OF_float int
-#define MASK_OF_double long
 #define SLACK 0x1p-20
 
 typedef struct {
-    EDGE low, high;
+    REAL low, high;
 } Slopes;
 
 /* Circles of radius r at depth d, as seen from the origin. clear: whether they have tangents; gap: d^2 - r^2; forward,
  * around: d and r over it. */
 typedef struct {
-    EDGE gap, forward, around;
+    REAL gap, forward, around;
     MASK clear;
 } Circles;
 
-INLINE Circles circles(const EDGE d, const EDGE r, const EDGE gap) {
+INLINE Circles circles(const REAL d, const REAL r, const REAL gap) {
     Circles c = {gap};
-    c.clear = EDGE_MASK((d > 0) & (gap >= d * d * (edge_t)0.0625) & (gap > (edge_t)0x1p-100));
-    const EDGE over = 1 / (FROM_MASK(c.clear) ? gap : (EDGE)1);
+    c.clear = TO_MASK((d > 0) & (gap >= d * d * 0.0625) & (gap > 0x1p-100));
+    const REAL over = 1 / (TO_REAL_MASK(c.clear) ? gap : (REAL)1);
     c.forward = d * over, c.around = r * over;
     return c;
 }
 
 /* The slopes of the tangents to circles with these places across. */
-INLINE Slopes slopes(const EDGE across, const Circles c) {
-    const EDGE middle = across * c.forward, square = across * across + c.gap,
-               reach = c.around * sqrt(square > 0 ? square : (EDGE)0), low = middle - reach, high = middle + reach;
-    const Slopes found = {FROM_MASK(c.clear) ? low : (EDGE)-INFINITY, FROM_MASK(c.clear) ? high : (EDGE)INFINITY};
+INLINE Slopes slopes(const REAL across, const Circles c) {
+    const REAL middle = across * c.forward, square = across * across + c.gap,
+               reach = c.around * sqrt(square > 0 ? square : (REAL)0), low = middle - reach, high = middle + reach;
+    const Slopes found = {TO_REAL_MASK(c.clear) ? low : (REAL)-INFINITY, TO_REAL_MASK(c.clear) ? high : (REAL)INFINITY};
     return found;
 }
 
-INLINE EDGE length_of(const EDGE x, const EDGE y, const EDGE z) {
-    return sqrt(((x * x + y * y) + z * z) + (edge_t)0x1p-120);
+INLINE REAL length_of(const REAL x, const REAL y, const REAL z) {
+    return sqrt(((x * x + y * y) + z * z) + 0x1p-120);
 }
 
 /* The squared distance of the nearest point, at least; -1 on the sphere, or all but. */
-INLINE FLOAT nearest(const EDGE distance, const EDGE r, const REAL power) {
-    const EDGE gap = TO_EDGE(TO_REAL(fabs(TO_FLOAT(power)))) / (distance + r);
-    const EDGE near = gap * gap * (edge_t)(1 - 0x1p-19);
-    return EDGE_MASK(gap > (edge_t)0x1p-50) ? TO_FLOAT(near) : (FLOAT)-1;
+INLINE FLOAT nearest(const REAL distance, const REAL r, const REAL power) {
+    const REAL gap = TO_REAL(fabs(TO_FLOAT(power))) / (distance + r);
+    const REAL near = gap * gap * (1 - 0x1p-19);
+    return TO_MASK(gap > 0x1p-50) ? TO_FLOAT(near) : (FLOAT)-1;
 }
 
 INLINE void store_short(const INT value, __global short *at) {
@@ -79,36 +71,33 @@ INLINE void store_covers(const Run across, const Run down, __global short *cover
     store_short(down.more, covers + 3L * pitch);
 }
 
-/* A sphere as a light at a point sees it, along the axes of the cube around the light: its centre, and the same
- * rounded, with the radius; size: how far from the light along each axis. */
+/* A sphere as a light at a point sees it, along the axes of the cube around the light: its centre, and the radius; size:
+ * how far from the light along each axis. */
 typedef struct {
-    REAL c[3];
-    EDGE e[3], size[3];
-    EDGE r, distance;
+    REAL c[3], size[3], r, distance;
 } OnCube;
 
 INLINE OnCube on_cube(const Real3 place, const REAL r, const double4 *axis) {
     OnCube at;
     for (int k = 0; k < 3; k++) {
         at.c[k] = turned_along(axis[k], place);
-        at.e[k] = TO_EDGE(at.c[k]);
-        at.size[k] = fabs(at.e[k]);
+        at.size[k] = fabs(at.c[k]);
     }
-    at.r = TO_EDGE(r);
-    at.distance = length_of(at.e[0], at.e[1], at.e[2]);
+    at.r = r;
+    at.distance = length_of(at.c[0], at.c[1], at.c[2]);
     return at;
 }
 
 /* How far beyond the face of a pyramid a centre may be if its sphere still reaches into the pyramid. */
-INLINE EDGE reach_of(const OnCube at) {
-    const EDGE most = LARGER(LARGER(at.size[0], at.size[1]), at.size[2]);
-    return at.r * (edge_t)(M_SQRT2 * (1 + SLACK)) + most * (edge_t)SLACK;
+INLINE REAL reach_of(const OnCube at) {
+    const REAL most = LARGER(LARGER(at.size[0], at.size[1]), at.size[2]);
+    return at.r * (M_SQRT2 * (1 + SLACK)) + most * SLACK;
 }
 
 /* side: of cube_sides(). */
-INLINE MASK is_on_side(const OnCube at, const EDGE reach, const int side) {
-    const EDGE across = LARGER(at.size[(side / 2 + 1) % 3], at.size[(side / 2 + 2) % 3]), ahead = at.e[side / 2];
-    return EDGE_MASK(across <= (side % 2 ? reach - ahead : reach + ahead));
+INLINE MASK is_on_side(const OnCube at, const REAL reach, const int side) {
+    const REAL across = LARGER(at.size[(side / 2 + 1) % 3], at.size[(side / 2 + 2) % 3]), ahead = at.c[side / 2];
+    return TO_MASK(across <= (side % 2 ? reach - ahead : reach + ahead));
 }
 
 /* On which sides of the cube any sphere is seen: for each work-item, a bit for each of +x, -x, +y, -y, +z, -z. */
@@ -120,7 +109,7 @@ __kernel void cube_sides(const int n, const int pitch, const double unit, const 
     FOR_EACH_PACKET(i, n) {
         const INT flag = load_flags(flags + i);
         const OnCube at = on_cube(place_of(seen, pitch, i), column(radius, n, i) * unit, cube);
-        const EDGE reach = reach_of(at);
+        const REAL reach = reach_of(at);
         for (int side = 0; side < 6; side++)
             if (ANY(is_on_side(at, reach, side) & ((flag & VISIBLE) != 0))) sides |= 1 << side;
         store_flags(flag & VISIBLE, flags + i);
@@ -133,7 +122,7 @@ __kernel void cube_sides(const int n, const int pitch, const double unit, const 
 
 /* The outermost of what is known of discs, lower bounds negative, and how many there are. */
 typedef struct {
-    EDGE most[EXTENTS];
+    REAL most[EXTENTS];
     LONG members;
 } Extent;
 
@@ -145,10 +134,10 @@ INLINE Extent no_discs(void) {
 }
 
 /* Writes the edges of discs, four columns of `pitch` numbers each, and makes the extent hold those that are members. */
-INLINE void store_discs(const EDGE *disc, const MASK member, Extent *e, __global edge_t *edges, const int pitch) {
+INLINE void store_discs(const REAL *disc, const MASK member, Extent *e, __global double *edges, const int pitch) {
     for (int k = 0; k < EXTENTS; k++) {
-        const EDGE outer = k % 2 ? disc[k] : -disc[k];
-        e->most[k] = FROM_MASK(member & EDGE_MASK(outer > e->most[k])) ? outer : e->most[k];
+        const REAL outer = k % 2 ? disc[k] : -disc[k];
+        e->most[k] = TO_REAL_MASK(member & TO_MASK(outer > e->most[k])) ? outer : e->most[k];
         if (k < 4) STORE_LANES(disc[k], edges + (long)k * pitch);
     }
     e->members += TO_LONG(member ? (INT)1 : (INT)0);
@@ -157,7 +146,7 @@ INLINE void store_discs(const EDGE *disc, const MASK member, Extent *e, __global
 /* Notes it: EXTENTS + 1 numbers for each work-item. */
 INLINE void note_discs(const Extent e, __global double *part) {
     __global double *note = part + (EXTENTS + 1) * get_global_id(0);
-    for (int k = 0; k < EXTENTS; k++) note[k] = largest_lane(TO_REAL(e.most[k]));
+    for (int k = 0; k < EXTENTS; k++) note[k] = largest_lane(e.most[k]);
     note[EXTENTS] = sum_of_lanes(e.members);
 }
 
@@ -165,62 +154,77 @@ INLINE void note_discs(const Extent e, __global double *part) {
 __kernel void cube_discs(const int n, const int pitch, const double unit, const double4 a, const double4 b,
                          const double4 c, const int side, __global const double *restrict seen,
                          __global const double *restrict radius, __global const char *restrict flags,
-                         __global edge_t *restrict edges, __global float *restrict near,
+                         __global double *restrict edges, __global float *restrict near,
                          __global double *restrict part) {
     const int axis = side / 2, right = (axis + 1) % 3, up = (axis + 2) % 3;
     const double4 cube[3] = {a, b, c};
     Extent extent = no_discs();
     FOR_EACH_PACKET(i, n) {
         const INT flag = load_flags(flags + i);
-        const REAL exact_r = column(radius, n, i) * unit;
-        const OnCube at = on_cube(place_of(seen, pitch, i), exact_r, cube);
+        const OnCube at = on_cube(place_of(seen, pitch, i), column(radius, n, i) * unit, cube);
         const MASK member = is_on_side(at, reach_of(at), side) & ((flag & VISIBLE) != 0);
         if (!ANY(member)) {
             STORE_LANES((FLOAT)INFINITY, near + i);
             continue;
         }
-        const REAL exact_d = side % 2 ? -at.c[axis] : at.c[axis];
-        const Circles circle = circles(TO_EDGE(exact_d), at.r, TO_EDGE((exact_d - exact_r) * (exact_d + exact_r)));
-        const Slopes x = slopes(at.e[right], circle), y = slopes(at.e[up], circle);
+        const REAL d = side % 2 ? -at.c[axis] : at.c[axis];
+        const Circles circle = circles(d, at.r, (d - at.r) * (d + at.r));
+        const Slopes x = slopes(at.c[right], circle), y = slopes(at.c[up], circle);
         const FLOAT depth = nearest(at.distance, at.r, LOAD_LANES(seen + 3L * pitch + i));
-        const EDGE span = at.distance + at.r, far = span * span * (edge_t)(1 + 0x1p-10);
-        const EDGE disc[EXTENTS] = {x.low, x.high, y.low, y.high, TO_EDGE(depth), far};
+        const REAL span = at.distance + at.r, far = span * span * (1 + 0x1p-10);
+        const REAL disc[EXTENTS] = {x.low, x.high, y.low, y.high, TO_REAL(depth), far};
         store_discs(disc, member, &extent, edges + i, pitch);
         STORE_LANES(member ? depth : (FLOAT)INFINITY, near + i);
     }
     note_discs(extent, part);
 }
 
+/* What cube_discs() makes, for all spheres, as a parallel light sees them: c is the axis that leads there.
+ */
+__kernel void discs_along(const int n, const int pitch, const double unit, const double4 a, const double4 b,
+                          const double4 c, __global const double *restrict seen, __global const double *restrict radius,
+                          __global char *restrict flags, __global double *restrict edges, __global float *restrict near,
+                          __global double *restrict part) {
+    Extent extent = no_discs();
+    FOR_EACH_PACKET(i, n) {
+        const INT flag = load_flags(flags + i);
+        const MASK member = (flag & VISIBLE) != 0;
+        const Real3 place = place_of(seen, pitch, i);
+        const REAL r = column(radius, n, i) * unit, u = turned_along(a, place), v = turned_along(b, place),
+                   s = turned_along(c, place);
+        const FLOAT depth = rounded_down(-(s + r) - SLACK * (fabs(s) + r) - 0x1p-100);
+        const REAL disc[EXTENTS] = {u - r, u + r, v - r, v + r, TO_REAL(depth), r - s + 0x1p-10};
+        store_discs(disc, member, &extent, edges + i, pitch);
+        STORE_LANES(member ? depth : (FLOAT)INFINITY, near + i);
+        store_flags(flag & VISIBLE, flags + i);
+    }
+    note_discs(extent, part);
+}
+
 /* The edges of every stride-th sphere's disc, nan where there is none. */
-__kernel void sample_edges(const int n, const int pitch, const int stride, __global const edge_t *restrict edges,
-                           __global const float *restrict near, __global edge_t *restrict sample) {
+__kernel void sample_edges(const int n, const int pitch, const int stride, __global const double *restrict edges,
+                           __global const float *restrict near, __global double *restrict sample) {
     FOR_EACH_SPHERE(k, (n - 1) / stride + 1) {
         const int i = k * stride, there = near[i] < INFINITY;
-        for (int edge = 0; edge < 4; edge++) sample[4 * k + edge] = there ? edges[(long)edge * pitch + i] : (edge_t)NAN;
+        for (int edge = 0; edge < 4; edge++) sample[4 * k + edge] = there ? edges[(long)edge * pitch + i] : (double)NAN;
     }
 }
 
 /* axis: x: where the window begins, y: where it ends, z: what leads to cells, w: the last cell. */
-INLINE Run cells_of(const EDGE low, const EDGE high, const edge4 axis, const edge_t slack) {
-    const EDGE loose = slack * ((1 + fabs(low)) + fabs(high)), begin = low - loose, end = high + loose;
-    const EDGE first = (begin - axis.x) * axis.z - (edge_t)0.015625, last = (end - axis.x) * axis.z + (edge_t)0.015625;
-    const EDGE from = first < 0 ? (EDGE)0 : first > axis.w ? (EDGE)axis.w : first;
-    const EDGE to = last < 0 ? (EDGE)0 : last > axis.w ? (EDGE)axis.w : last;
+INLINE Run cells_of(const REAL low, const REAL high, const double4 axis, const double slack) {
+    const REAL loose = slack * ((1 + fabs(low)) + fabs(high)), begin = low - loose, end = high + loose;
+    const REAL first = (begin - axis.x) * axis.z - 0.015625, last = (end - axis.x) * axis.z + 0.015625;
+    const REAL from = first < 0 ? (REAL)0 : first > axis.w ? (REAL)axis.w : first;
+    const REAL to = last < 0 ? (REAL)0 : last > axis.w ? (REAL)axis.w : last;
     const INT cell = TO_INT(from);
-    const Run run = {cell, TO_INT(to) - cell, EDGE_MASK((end >= axis.x) & (begin <= axis.y))};
+    const Run run = {cell, TO_INT(to) - cell, TO_MASK((end >= axis.x) & (begin <= axis.y))};
     return run;
 }
 
-/* Which discs fit into a pane: left, right, low and high. */
-INLINE MASK fit(const EDGE *disc, const edge4 pane) {
-    return EDGE_MASK((disc[0] >= pane.x) & (disc[1] <= pane.y) & (disc[2] >= pane.z) & (disc[3] <= pane.w));
-}
-
-/* The cells of a window that discs cover, of those that fit into one pane and not into another one. x_axis, y_axis: see
- * cells_of(); furthest: a depth beyond which nothing matters. For each work-item, three numbers: how many spheres are
+/* The cells of a window that discs cover. x_axis, y_axis: see cells_of(); furthest: a depth beyond which nothing matters. For each work-item, three numbers: how many spheres are
  * entered, how many cells of level 0 they cover, and how many of them are in no grid of this light before. */
-__kernel void place(const int n, const int pitch, const edge4 x_axis, const edge4 y_axis, const edge_t slack,
-                    const float furthest, const edge4 fits, const edge4 beside, __global const edge_t *restrict edges,
+__kernel void place(const int n, const int pitch, const double4 x_axis, const double4 y_axis, const double slack,
+                    const float furthest, __global const double *restrict edges,
                     __global char *restrict flags, __global short *restrict covers, __global float *restrict near,
                     __global long *restrict part) {
     LONG members = 0, entries = 0, more = 0;
@@ -231,10 +235,10 @@ __kernel void place(const int n, const int pitch, const edge4 x_axis, const edge
             STORE_LANES((FLOAT)INFINITY, near + i);
             continue;
         }
-        EDGE disc[4];
+        REAL disc[4];
         for (int k = 0; k < 4; k++) disc[k] = LOAD_LANES(edges + (long)k * pitch + i);
         const Run row = cells_of(disc[0], disc[1], x_axis, slack), rows = cells_of(disc[2], disc[3], y_axis, slack);
-        within &= row.any & rows.any & fit(disc, fits) & !fit(disc, beside);
+        within &= row.any & rows.any;
         store_covers(row, rows, covers + i, pitch);
         STORE_LANES(within ? depth : (FLOAT)INFINITY, near + i);
         const INT flag = load_flags(flags + i);

@@ -8,7 +8,6 @@ spheres here touch a ray by a hair, at the edge of a cell: a list that is too na
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -18,7 +17,6 @@ import numpy as np
 import pytest
 from hostile.sphere_scenes import aimed, balls, directions, limbs, looking, unit
 from numpy.typing import NDArray
-from random_scenes import tunnel
 
 from cltrace import Scene, parallel_light, point_light
 from cltrace.bench.scenes import cloud, field
@@ -536,37 +534,6 @@ def test_little_else_is_offered_in_a_small_window() -> None:
     """Cells far smaller than what float32 resolves at 1: they are looked up in double."""
     scene = cluster("lamp far away", 2.0**-9)
     assert check_light(scene, on_surfaces(scene, 300)) <= 3.6
-
-
-def along_edges(grid: np.void) -> Floats:
-    """(n, 3): ways through the edges of a window of a light at a point, or beside them by a hair."""
-    rng, found = np.random.default_rng(5), []
-    for k, sign, step in itertools.product((0, 1), (1, -1), (0, 2.0**-24, 2.0**-21, 2.0**-12)):
-        at = rng.uniform(-1.1, 1.1, (2, 24)) * grid["window"][:2, None]
-        at[k] = sign * grid["window"][k] * (1 + step * rng.choice((-1, 1), 24))
-        axes = np.stack([grid[name][:3] for name in ("right", "up", "ahead")]).astype(np.float64)
-        found.append(np.linalg.solve(axes, np.concatenate([at, np.ones((1, 24))])).T)
-    return np.concatenate(found)
-
-
-@pytest.mark.usefixtures("even_few_are_packed")
-def test_windows_in_windows(device: Device) -> None:
-    """Down a tunnel, spheres that are far have a window of their own, and so have some of these.
-
-    Rays along the edges of these windows are offered all that they meet. With one window for all, there would be 53
-    surfaces for each that a ray meets, and at the edges of the smallest window 84.
-    """
-    place = np.array([0.25, -0.125, -1])
-    scene = Scene.from_spheres(looking(), lamp(place), *tunnel(3000))
-    plan_of = device_plan(device)
-    plan = plan_of(scene, Request())
-    first, count, *_ = plan.arrays["light_buffer"][0].tolist()
-    grids = plan.arrays["grid"][first : first + count]
-    nested = grids[(grids["window"][:, :2] < 0.3).all(axis=1)]
-    assert len(nested) == 2
-    smallest, _ = (check_light(scene, place + 30 * along_edges(grid), plan_of=plan_of) for grid in nested)
-    assert smallest < 13
-    assert check_light(scene, on_surfaces(scene, 200), plan_of=plan_of) < 9
 
 
 def test_lights_where_many_spheres_meet(monkeypatch: pytest.MonkeyPatch) -> None:

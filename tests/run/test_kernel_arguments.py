@@ -12,15 +12,16 @@ import pytest
 from cltrace.plan import abi
 from cltrace.run.devices import Device
 from cltrace.run.kernel_arguments import BUFFER, argument, parameters_of
-from cltrace.run.pack.toolbox import Toolbox, program_of
+from cltrace.run.pack.toolbox import FILES, Toolbox, packed_types
 from cltrace.run.program import UNSTOPPABLE, kernel_folder, program, source
 
 
 @pytest.mark.parametrize("name", ["floats", "doubles", "unstoppable"])
 def test_parameters_are_those_that_the_compiler_sees(any_device: Device, name: str) -> None:
-    """Of both programs that pack, which together have all files, and of the one that finds triangles."""
-    programs = {"floats": program_of(False, False), "doubles": program_of(True, True), "unstoppable": (UNSTOPPABLE, {})}
-    files, macros = programs[name]
+    """Of both programs that pack, and of the one that finds triangles."""
+    files, macros = (
+        (UNSTOPPABLE, dict[str, str]()) if name == "unstoppable" else (FILES, packed_types(name == "floats"))
+    )
     features = frozenset({"WITH_TRIANGLES"} if name == "unstoppable" else ())
     options = [f"-D{macro}={value}" for macro, value in (macros | {"W": "1", "RUN": "1"}).items()]
     made = program(any_device, [*options, "-cl-kernel-arg-info", *abi.options("double", features)], files).made
@@ -37,8 +38,9 @@ def test_parameters_are_those_that_the_compiler_sees(any_device: Device, name: s
 
 
 def test_each_kernel_s_file_is_in_a_program() -> None:
-    every = {name for of in (program_of(False, False), program_of(True, True)) for name in of[0] if "pack/" in name}
-    assert every == {f"pack/{path.name}" for path in (kernel_folder() / "pack").iterdir()}
+    assert {name for name in FILES if "pack/" in name} == {
+        f"pack/{path.name}" for path in (kernel_folder() / "pack").iterdir()
+    }
 
 
 @pytest.mark.parametrize(

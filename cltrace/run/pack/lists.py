@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cltrace.plan.abi import CONSTANTS, Precision, dtype_of
 from cltrace.plan.accel.grids import ONE_CELL_LEVEL, SPARE, CellGrid, fill_record, level_of, listed
 from cltrace.run.pack.polygons import EnteredPolygons
-from cltrace.run.pack.toolbox import Arguments, EdgeType, Toolbox
+from cltrace.run.pack.toolbox import Arguments, Toolbox
 
 # Work-items that go through cells, or note much.
 ITEMS = 2**10
@@ -132,9 +132,9 @@ class Covers:
         """Those of kernels that look at all spheres."""
         return {"n": self.n, "pitch": self.pitch, "covers": self.cells, "near": self.near}
 
-    def place(self, edge: EdgeType, **arguments: Any) -> None:
+    def place(self, **arguments: Any) -> None:
         """Makes them by the kernel of this name, of which these are the other arguments."""
-        part = self.tools.noted("place", 3, np.int64, edge=edge, **self.arguments, **arguments)
+        part = self.tools.noted("place", 3, np.int64, **self.arguments, **arguments)
         self.members, self.entries, self.more = part.sum(axis=0).tolist()
 
 
@@ -172,16 +172,6 @@ class Levels:
         table = np.zeros((2, 16), np.int32)
         table[0, : len(self.pitch)], table[1, : len(self.base)] = self.pitch, self.base
         return tools.upload(table)
-
-    def some(self, tools: Toolbox, counts: Any, every: Levels, rows: int) -> Any:
-        """Of counts of the cells of every level, those of these levels. rows: of cells, on level 0."""
-        if self.cells == every.cells:
-            return counts
-        found = tools.room(self.cells, np.int32)
-        for k in self.used:
-            size = self.pitch[k] * (((rows - 1) >> k) + 1)
-            tools.copy(counts, found, 4 * self.base[k], 4 * size, first=4 * every.base[k])
-        return found
 
 
 class Listed(NamedTuple):
@@ -221,11 +211,12 @@ class ListWriter:
         self._list(grid, levels, entries, counts, partial(tools.run, "scatter_entries", **spheres))
 
     def add_members(self, grid: CellGrid) -> None:
-        """Makes the lists of a grid, of its own members, which are on one level, and of those that are held."""
+        """Makes the lists of a grid: its own members are on one level, and those that are held on one, too."""
         tools, held, own = self._tools, grid.held, grid.members
         if held is not None and not isinstance(held, EnteredPolygons):
             raise TypeError("what is held elsewhere is not on this device")
-        if grid.cells == (1, 1) or not (len(own.member) or (held and held.used)):
+        held = held if held and held.members else None
+        if grid.cells == (1, 1) or not (len(own.member) or held):
             _, entry, mask = listed(grid)
             at, first = self._place(1, len(entry))
             tools.copy(tools.upload(np.array([first, first + len(entry)], np.int32)), self.lists.start, 4 * at, 8)
@@ -236,18 +227,14 @@ class ListWriter:
         members: Arguments = {"n": n, "pitch": n, "level_of": tools.upload(np.full(n, level, np.int8))}
         members["covers"] = tools.upload(own.covers)
         written = {"member": tools.upload(own.member), "near": tools.upload(own.near)}
-        used = sorted({*([level] if n else []), *(held.used if held else [])})
-        # How many entries outlines have is known only when all levels have been counted: the cells of those that are
-        # used are put together then.
-        every = Levels.of(list(range(used[-1] + 1)), grid.cells)
-        counts = tools.room(every.cells, np.int32)
-        tools.clear(counts, every.cells)
-        cells = {"levels": every.on(tools), "count": counts}
+        levels = Levels.of(sorted({*([level] if n else []), *([held.level] if held else [])}), grid.cells)
+        counts = tools.room(levels.cells, np.int32)
+        tools.clear(counts, levels.cells)
+        cells = {"levels": levels.on(tools), "count": counts}
         if n:
             tools.run("count_members", **members, **cells)
         if held:
             held.count(**cells)
-        levels = Levels.of(used, grid.cells)
 
         def scatter(**entries: Any) -> None:
             if n:
@@ -255,7 +242,7 @@ class ListWriter:
             if held:
                 held.scatter(**entries)
 
-        self._list(grid, levels, None, levels.some(tools, counts, every, grid.cells[1]), scatter)
+        self._list(grid, levels, None, counts, scatter)
 
     def _list(self, grid: CellGrid, levels: Levels, entries: int | None, counts: Any, scatter: Scatter) -> None:
         """Makes lists of which it is known how many entries each cell has. entries: of all cells, None: not known."""

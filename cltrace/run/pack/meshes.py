@@ -41,7 +41,7 @@ AT_POINT = (-1.0, -1.0)
 def load(device: Device, precision: Precision) -> None:
     """Loads the program that a MeshPacker needs first, if it can be loaded."""
     with suppress(BuildError, DeviceError), driver_errors(device):
-        kernel_of(device, precision == "single", double_edges=False, name="facets")
+        kernel_of(device, precision == "single", "facets")
 
 
 class MeshPacker:

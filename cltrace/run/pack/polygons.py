@@ -3,13 +3,13 @@
 A triangle seen from a point is a convex polygon on the image plane, or on a side of a light's cube. Most have their
 three corners ahead and not far out of the window that is looked through. The others, and those near the point, are left
 to cltrace.plan.accel.silhouettes, which knows rectangles alone. Polygons that cover more than a row or a column of
-cells are entered in the cells that they touch, on one of several levels.
+cells entered in the cells that they touch.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,10 +31,7 @@ TINY, TINY_CELL = 2.0**-64, 2.0**-16
 ENTRIES, FINER = 1.6, 2**14
 # So many entries, besides 4 for each triangle, a grid may have.
 SPARE = 2**18
-# How many looks an entry of a triangle in the tiles has to save. Without a price, a ball of 1,000 triangles takes 18 ms
-# of a processor's time to list instead of 12, and 47 to draw instead of 49 (PoCL 3.1, 1920x1080).
-PRICE = 2.0
-# The price of entries follows from one in so many polygons, unless those are fewer than this.
+# How many entries there are follows from one in so many polygons, unless those are fewer than this.
 SAMPLE, FEW_SAMPLES = 16, 2**12
 # Numbers that kernels/pack/polygons.cl notes of a side, numbers of an outline, and what is no level.
 EXTENTS, OUTLINE, ABSENT = 11, 16, -1
@@ -44,7 +41,7 @@ PANE = np.dtype(
 )
 PLACE = np.dtype(
     [("axes", "f8", (2, 4)), ("slack", "f8"), ("loose", "f8"), ("low", "f8", 2), ("scale", "f8", 2), ("off", "f8")]
-    + [("furthest", "f4"), ("price", "f4"), ("pixels", "i4"), ("levels", "i4")]
+    + [("furthest", "f4"), ("pixels", "i4"), ("level", "i4")]
 )
 
 
@@ -89,24 +86,6 @@ class Pane(NamedTuple):
         return made
 
 
-class PolygonSizes(NamedTuple):
-    """How large n polygons are, in cells of level 0: their areas, and their widths plus heights, (n,) each."""
-
-    area: NDArray[np.float32]
-    sides: NDArray[np.float32]
-
-    def levels(self, price: float, levels: int) -> NDArray[np.int8]:
-        """The level of each one, below `levels`, at a price: see price_of()."""
-        level = np.zeros(len(self.area), np.int8)
-        large = np.flatnonzero(self.sides > 0) if price else ()  # others are in one cell
-        if len(large):
-            wide, filled = self.sides.take(large), self.area.take(large)
-            for k in range(1, levels):
-                looks = wide * np.float32(2.0 ** (k - 1)) + np.float32(3 * 4.0 ** (k - 1))
-                level[large] += looks <= price * (filled * np.float32(3 * 4.0**-k) + wide * np.float32(2.0**-k))
-        return level
-
-
 @dataclass
 class PolygonSight:
     """A point that sees the m triangles of meshes.
@@ -145,8 +124,7 @@ class PolygonSight:
         place["loose"], place["off"], place["scale"], place["pixels"] = loose, loose, 1, CONSTANTS["TILE"]
         for row, axis in zip(place["axes"], window.axes, strict=True):
             row[:2] = axis.first, axis.stop
-        tiles = max(-(-n // CONSTANTS["TILE"]) for n in window.size)
-        return EnteredPolygons.of(shown, place, tiles) if shown.members else None, shown.rest
+        return EnteredPolygons.of(shown, place) if shown.members else None, shown.rest
 
     def sides(self, cube: Array, who: Shadows) -> list[ShownSide]:
         """What the sides of a cube around the point show, in their order. cube: (3, 3), its axes."""
@@ -216,24 +194,26 @@ class ShownSide:
 
     def sizes(self) -> NDArray[np.float32]:
         """The sides of squares of twice the areas of some polygons, of one in SAMPLE, or of all if there is none."""
-        for sample in (SAMPLE, 1):
-            found = self.sizes_on(np.zeros((), PLACE), sample).area
-            if len(found):
+        place = np.zeros((), PLACE)
+        place["level"] = -1
+        for stride in (SAMPLE, 1):
+            area, _ = self.sizes_on(place, stride)
+            if len(area):
                 break
-        return np.asarray(np.sqrt(2 * found))
+        return np.asarray(np.sqrt(2 * area))
 
-    def sizes_on(self, place: NDArray[np.void], stride: int) -> PolygonSizes:
-        """Sizes of those whose indices as surfaces `stride` divides; areas on the plane if a grid has no levels."""
+    def sizes_on(self, place: NDArray[np.void], stride: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Of those whose indices as surfaces `stride` divides, the areas in cells of level 0, and widths plus heights;
+        or the areas on the plane, and 0, if no level is given."""
         tools, first = self.sight.tools, -self.sight.first % stride
         count = len(range(first, self.sight.count, stride))
-        if not count:
-            return PolygonSizes(np.zeros(0, np.float32), np.zeros(0, np.float32))
         size = tools.room(2 * (count + PACKET), np.float32)
         which: Arguments = {"count": count, "first": first, "stride": stride}
-        tools.run("sample_polygons", **which, **self.seen, place=tools.upload(place), size=size)
+        if count:
+            tools.run("sample_polygons", **which, **self.seen, place=tools.upload(place), size=size)
         area, sides = tools.read(size, 2 * count, np.float32).reshape(-1, 2).T
         there = area >= 0
-        return PolygonSizes(area[there], sides[there])
+        return area[there], sides[there]
 
     def entered_on(self, sides: tuple[Side, Side], slack: float, furthest: float) -> EnteredPolygons:
         """Enters them on a light's grid. sides: of its window; slack: relative to an edge; furthest: where the last
@@ -243,64 +223,53 @@ class ShownSide:
         place["low"], place["scale"] = [side.first for side in sides], [side.scale for side in sides]
         most = max(abs(x) for x in self.extent.spans[0])
         place["off"] = (slack * (1 + 2 * most) + self.loose) * place["scale"].max() + 1 / 64
-        return EnteredPolygons.of(self, place, max(side.last for side in sides) + 1)
+        return EnteredPolygons.of(self, place)
 
-    def price(self, place: NDArray[np.void]) -> float:
-        """What an entry may cost: as little as the number of entries allows, but not less than PRICE for tiles, each
-        of which is looked at once.
+    def level_on(self, place: NDArray[np.void]) -> int:
+        """The finest level on which they take few enough entries.
 
-        A convex body in a lattice meets area + width + height + 1 cells on average, all measured in cells. So many are
-        a polygon's entries; on level k they are looked at from 4^k times as many cells of level 0. One level down from
-        k, there are more entries and fewer looks, and the less is won for each entry, the finer the levels are. So
-        there is a price, in looks, up to which all polygons pay for an entry.
+        A convex body in a lattice meets area + width + height + 1 cells on average, all measured in cells.
         """
-        stride = SAMPLE
-        some = self.sizes_on(place, stride)
-        if len(some.area) < FEW_SAMPLES:
-            stride = 1
-            some = self.sizes_on(place, stride)
-        levels, most = int(place["levels"]), 4 * stride * len(some.area) + SPARE
-        price = PRICE if place["pixels"] else 0.0
-        while True:
-            by = np.ldexp(np.float32(1), -some.levels(price, levels))
-            entries = stride * float((some.area * by * by + some.sides * by + 1).sum(dtype=np.float64))
-            if entries <= most or price > 4.0**levels:
-                return price
-            price = max(1.0, 2 * price)
+        for stride in (SAMPLE, 1):
+            area, sides = self.sizes_on(place, stride)
+            if len(area) >= FEW_SAMPLES:
+                break
+        for level in range(16):
+            by = 0.5**level
+            if stride * float((area * by * by + sides * by + 1).sum(dtype=np.float64)) <= 4 * self.members + SPARE:
+                break
+        return level
 
 
 @dataclass
 class EnteredPolygons:
-    """Polygons that are entered on a grid.
+    """Polygons that are entered on a level of a grid.
 
-    used: the levels of those that are entered; made: what kernels are given of each triangle, of which level_of is
-    ABSENT where it is not entered; outlined: of those that have outlines, how many and which.
+    members: how many; made: what kernels are given of each triangle, of which level_of is ABSENT where it is not
+    entered; outlined: of those that have outlines, how many and which.
     """
 
     sight: PolygonSight
-    used: list[int] = field(default_factory=list)
-    made: Arguments = field(default_factory=dict)
-    outlined: Arguments = field(default_factory=dict)
+    members: int
+    level: int
+    made: Arguments
+    outlined: Arguments
 
     @classmethod
-    def of(cls, shown: ShownSide, place: NDArray[np.void], cells: int) -> EnteredPolygons:
-        """Enters what a side shows. place: `Place` of kernels/pack/polygons.cl, but for levels and price; cells: the
-        larger one of the numbers of columns and rows."""
+    def of(cls, shown: ShownSide, place: NDArray[np.void]) -> EnteredPolygons:
+        """Enters what a side shows. place: `Place` of kernels/pack/polygons.cl, but for the level."""
         tools, m = shown.sight.tools, shown.sight.count
-        place["levels"] = cells.bit_length()
-        place["price"] = shown.price(place)
+        place["level"] = level = shown.level_on(place)
         pitch = m + PACKET
         sizes = {"covers": (4, np.int16), "near": (1, np.float32), "level_of": (1, np.int8)}
         made: Arguments = {name: tools.room(k * pitch, dtype, again=True) for name, (k, dtype) in sizes.items()}
         outline, outlines = tools.room(OUTLINE * m, np.float32, again=True), tools.room(1, np.int32)
         tools.clear(outlines, 1)
         written = {"place": tools.upload(place), "outline": outline, "outlines": outlines, **made}
-        part = tools.noted("place_polygons", 1, np.int32, m=m, pitch=pitch, **shown.seen, **written)
-        bits = int(np.bitwise_or.reduce(part[:, 0]))
-        used = [k for k in range(bits.bit_length()) if bits >> k & 1]
+        part = tools.noted("place_polygons", 1, np.int64, m=m, pitch=pitch, **shown.seen, **written)
         count = int(tools.read(outlines, 1, np.int32)[0])
         outlined: Arguments = {"n": count, "pixels": int(place["pixels"]), "outline": outline}
-        return cls(shown.sight, used, made | {"n": m, "pitch": pitch}, outlined)
+        return cls(shown.sight, int(part.sum()), level, made | {"n": m, "pitch": pitch}, outlined)
 
     def entered(self) -> Mask:
         """(m,): which triangles they are."""

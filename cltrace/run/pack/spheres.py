@@ -10,7 +10,7 @@ import threading
 import time
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,14 +36,14 @@ from cltrace.plan.culling import larger, shells
 from cltrace.plan.lights import AtPoint, Move, Parallel, are_at_points, kinds, lamps_of
 from cltrace.plan.lists import ONE_LIST
 from cltrace.plan.request import Request
-from cltrace.plan.rounding import Array, Mask, rotated
+from cltrace.plan.rounding import Array, rotated
 from cltrace.plan.shapes.sphere import Spheres
 from cltrace.plan.space import Space
 from cltrace.plan.view import View, exponent_of
 from cltrace.plan.world import World
 from cltrace.run.devices import Device, driver_errors
 from cltrace.run.pack.lists import Covers, ListBuffers, Listed, ListWriter
-from cltrace.run.pack.toolbox import PACKET, Arguments, EdgeType, Toolbox, is_exact
+from cltrace.run.pack.toolbox import PACKET, Arguments, Toolbox, is_exact
 from cltrace.scene import AnyCamera
 
 # Pixels smaller than this, at z = -1, are too small for slopes in float32 to be divided by them; the same of parallel
@@ -51,18 +51,9 @@ from cltrace.scene import AnyCamera
 TINY, FINE = 2.0**-64, 2.0**-18
 # One in so many discs is looked at to know the size of most, and where they are.
 SAMPLE = 16
-# Cells are made for so many entries of each disc. Where discs lie in more layers than LAYERS, or, on a side on which
-# many crowd, than CROWDED_LAYERS, lists are long, and cells as wide as one disc are faster: a million spheres in 7,000
-# layers take 0.5 of the time, and 0.34 with half of that width, but 9 entries for each.
-ENTRIES, FINER_ENTRIES, LAYERS, CROWDED_LAYERS = 2.25, 4.0, 32, 2
-# Discs crowd where a pane of so many times smaller sides than their window's holds a SHARE-th of them, and FEW at
-# least; if discs are all over a window, it holds a sixteenth. They have a window of their own if most of them are less
-# than half as large as most others, as what is far away is. Down a tunnel with 100 lights, frames of 20,000 balls take
-# 0.55 of the time then; with finer cells in one window instead they took 0.72, in more memory. In a galaxy, where all
-# are as large, windows in windows took 1.05. A window in one has NARROWEST sides at least.
-SMALLER, SHARE, FEW, NARROWEST = 4, 4, 256, 2.0**-8
-# Panes into which all discs fit, and none: left, right, low and high.
-EVERYWHERE, NOWHERE = (-np.inf, np.inf, -np.inf, np.inf), (np.inf, -np.inf, np.inf, -np.inf)
+# Cells are made for so many entries of each disc. Where discs lie in more layers than LAYERS, lists are long, and cells
+# as wide as one disc are faster: a million spheres in 7,000 layers take 0.5 of the time.
+ENTRIES, FINER_ENTRIES, LAYERS = 2.25, 4.0, 32
 # What a request may keep that only numpy can. Receivers are kept at any rate: shadow rays may end on all spheres, so
 # that cameras have the lists of lights in common.
 OTHERS = {"lists", "hidden", "unstopped"}
@@ -363,9 +354,9 @@ class _SeenSpheres:
         axes = light.axes
         spheres = self._seen | {"unit": self.unit, "radius": self.packer.radius, "a": axes[0], "b": axes[1]}
         self.tools.run("pack_along", **spheres, **self._rows_of(number, "light_filter", "light_side"))
-        discs = _Discs.of(self, "discs_along", np.float64, spheres | {"c": axes[2], "flags": self.flags})
+        discs = _Discs.of(self, "discs_along", spheres | {"c": axes[2], "flags": self.flags})
         window = window_of([discs.extent], self.slack, False)
-        return sum(self._add(axes, discs, part, self.slack, False, writer) for part in discs.windows(window))
+        return self._add(axes, discs, window, self.slack, False, writer) if window else 0
 
     def from_point(self, light: AtPoint, number: int, writer: ListWriter) -> int:
         """Packs spheres as a light at a point sees them, and adds its grids.
@@ -383,19 +374,13 @@ class _SeenSpheres:
         for side, (axis, sign) in enumerate(SIDES):
             if not seen_on >> side & 1:
                 continue
-            discs_of = partial(_Discs.of, self, "cube_discs", arguments=spheres | {"side": side})
-            discs = discs_of(np.float32)
-            window = window_of([discs.extent], SLACK, True)
-            if window is not None and not window.coarse and self.slack < SLACK:
-                del discs  # There is room for one of them.
-                discs = discs_of(np.float64)
-                window = window_of([discs.extent], self.slack, True)
+            discs = _Discs.of(self, "cube_discs", spheres | {"side": side})
+            window, slack = window_of([discs.extent], SLACK, True), SLACK
+            if window and not window.coarse and self.slack < SLACK:
+                window, slack = window_of([discs.extent], self.slack, True), self.slack
                 window = window and window._replace(coarse=False)
-            for k, part in enumerate(discs.windows(window)):
-                if k:  # Of those before, the last window has left its own alone.
-                    discs = discs_of(np.float32)
-                slack = SLACK if part.window.coarse else self.slack
-                entered += self._add(side_axes(cube, axis, sign), discs, part, slack, True, writer)
+            if window:
+                entered += self._add(side_axes(cube, axis, sign), discs, window, slack, True, writer)
         return entered
 
     def _pack_light(self, light: int) -> None:
@@ -403,14 +388,14 @@ class _SeenSpheres:
         self.tools.run("pack_light", **self._seen, **self._axes, **self._rows_of(light, "light_filter", "light_side"))
 
     def _add(
-        self, axes: Array, discs: _Discs, part: DiscWindow, slack: float, perspective: bool, writer: ListWriter
+        self, axes: Array, discs: _Discs, window: Rectangle, slack: float, perspective: bool, writer: ListWriter
     ) -> int:
         """Adds the grid of a window. Returns how many spheres are in no grid of the light before."""
-        window, cells = part.window, part.cells
+        size, area = discs.size(), 4 * window.half.prod()
+        wanted = FINER_ENTRIES if discs.count * size**2 > LAYERS * area else ENTRIES
+        cells = window.cells(size, discs.count, wanted, max(discs.count, 2))
         sides: Arguments = dict(zip(("x_axis", "y_axis"), window.sides(cells), strict=True))
-        sides |= {"fits": part.fits, "beside": part.beside}
-        spheres = {"flags": self.flags, "slack": slack, "furthest": window.furthest} | sides
-        self.covers.place(discs.edge, **spheres, edges=discs.edges)
+        self.covers.place(flags=self.flags, slack=slack, furthest=window.furthest, **sides, edges=discs.edges)
         del discs.edges  # Lists have room in their place.
         grid = CellGrid(axes, window.middle, window.half, cells, NOBODY, perspective, window.coarse)
         self.grids.append(grid)
@@ -419,110 +404,34 @@ class _SeenSpheres:
 
 
 class _Discs:
-    """The spheres that are seen through a side of the cube around a light, as discs.
+    """The spheres that are seen through a side of the cube around a light, or along a direction, as discs.
 
-    edge: the type of their edges; edges: four columns of `pitch`; count: how many there are; extent: of all of them.
+    edges: four columns of `pitch` doubles; count: how many there are; extent: of all of them.
     """
 
-    def __init__(self, spheres: _SeenSpheres, edge: EdgeType, edges: Any, count: int, extent: Extent) -> None:
-        self._spheres, self.edge, self.edges, self.count, self.extent = spheres, edge, edges, count, extent
+    def __init__(self, spheres: _SeenSpheres, edges: Any, count: int, extent: Extent) -> None:
+        self._spheres, self.edges, self.count, self.extent = spheres, edges, count, extent
 
     @classmethod
-    def of(cls, spheres: _SeenSpheres, kernel: str, edge: EdgeType, arguments: Arguments) -> _Discs:
+    def of(cls, spheres: _SeenSpheres, kernel: str, arguments: Arguments) -> _Discs:
         """arguments: of the kernel, but for what it writes. The depths go to those of spheres.covers."""
-        edges = spheres.tools.room(4 * spheres.pitch, edge)
+        edges = spheres.tools.room(4 * spheres.pitch, np.float64)
         written = {"edges": edges, "near": spheres.covers.near}
-        part = spheres.tools.noted(kernel, 7, np.float64, edge=edge, **arguments, **written)
+        part = spheres.tools.noted(kernel, 7, np.float64, **arguments, **written)
         left, right, low, high, nearest, furthest, _ = part.max(axis=0).tolist()
         extent = Extent(2 * [[-left, right, -low, high]], -nearest, furthest)
-        return cls(spheres, edge, edges, int(part[:, 6].sum()), extent)
+        return cls(spheres, edges, int(part[:, 6].sum()), extent)
 
-    def _some_edges(self) -> NDArray[Any]:
-        """(4, s): the edges of those whose indices SAMPLE divides, or of all of them if there is none."""
+    def size(self) -> float:
+        """The median of the widths and heights of those whose indices SAMPLE divides, or of all if there is none."""
         spheres = self._spheres
         for stride in (SAMPLE, 1):
             count = 4 * ((spheres.n - 1) // stride + 1)
-            edges = spheres.tools.room(count, self.edge)
+            edges = spheres.tools.room(count, np.float64)
             discs = {"n": spheres.n, "pitch": spheres.pitch, "edges": self.edges, "near": spheres.covers.near}
-            spheres.tools.run("sample_edges", edge=self.edge, **discs, stride=stride, sample=edges)
-            found = spheres.tools.read(edges, count, self.edge).reshape(-1, 4).T
+            spheres.tools.run("sample_edges", **discs, stride=stride, sample=edges)
+            found = spheres.tools.read(edges, count, np.float64).reshape(-1, 4).T
             found = found[:, ~np.isnan(found[0])]
             if found.size:
                 break
-        return found
-
-    def windows(self, window: Rectangle | None) -> list[DiscWindow]:
-        """The windows of all of them, in one that holds them all, if there is any."""
-        if window is None:
-            return []
-        edges = self._some_edges()
-        return windows_of(DiscWindow(window, _sizes_of(edges), self.count), edges, self.extent)
-
-
-class DiscWindow(NamedTuple):
-    """A window for those discs that fit into a pane, but not into another one, which has a window of its own.
-
-    sizes: the widths and the heights of some of them; members: how many there are, about; fits, beside: left, right,
-    low and high of both panes; deep: discs in more layers than this have finer cells.
-    """
-
-    window: Rectangle
-    sizes: NDArray[Any]
-    members: int
-    fits: tuple[float, ...] = EVERYWHERE
-    beside: tuple[float, ...] = NOWHERE
-    deep: float = LAYERS
-
-    @property
-    def cells(self) -> tuple[int, int]:
-        """Columns and rows of its cells."""
-        size, sides = float(np.median(self.sizes)), 2 * self.window.half
-        layers = self.members * size**2 / (sides[0] * sides[1])
-        return self.window.cells(
-            size, self.members, FINER_ENTRIES if layers > self.deep else ENTRIES, max(self.members, 2)
-        )
-
-
-def _fit(edges: NDArray[Any], pane: tuple[float, ...]) -> Mask:
-    left, right, low, high = edges
-    return np.asarray((left >= pane[0]) & (right <= pane[1]) & (low >= pane[2]) & (high <= pane[3]))
-
-
-def _sizes_of(edges: NDArray[Any]) -> NDArray[Any]:
-    """The widths and the heights of discs with edges (4, s)."""
-    return np.asarray(edges[1::2] - edges[::2]).ravel()
-
-
-def windows_of(whole: DiscWindow, edges: NDArray[Any], extent: Extent) -> list[DiscWindow]:
-    """A side's window, and one around where the discs crowd in it, one around where they crowd in that, and so on.
-
-    A ray looks into all windows that it passes. So each disc is in one of them alone, the innermost one that has all
-    rays that may meet it. whole: the window of all discs; edges: (4, s), of some of them; extent: of all of them.
-    """
-    found = [whole]
-    while (crowd := _crowd_of(found[0].window, edges)) is not None:
-        outer = found[0]
-        (left, right, low, high), fits = crowd, outer.fits
-        pane = max(left, fits[0]), min(right, fits[1]), max(low, fits[2]), min(high, fits[3])
-        inside = _fit(edges, pane)
-        inner, rest = _sizes_of(edges[:, inside]), _sizes_of(edges[:, ~inside])
-        more = outer.members * int(inside.sum()) // len(inside)
-        if more < FEW or SHARE * more < outer.members or not len(rest) or 2 * np.median(inner) >= np.median(rest):
-            break
-        window = window_of([extent._replace(spans=[list(pane), extent.spans[1]])], SLACK, True)
-        if window is None or (2 * window.half < NARROWEST).any():
-            break
-        outer = outer._replace(sizes=rest, members=outer.members - more, beside=pane, deep=CROWDED_LAYERS)
-        narrow = DiscWindow(window._replace(coarse=True), inner, more, fits=pane, deep=CROWDED_LAYERS)
-        found[:1], edges = [narrow, outer], edges[:, inside]
-    return found
-
-
-def _crowd_of(window: Rectangle, edges: NDArray[Any]) -> tuple[float, ...] | None:
-    """A pane in the middle of most of a window's discs, if float32 tells its cells apart."""
-    known, half = edges[:, np.isfinite(edges).all(axis=0)], window.half / SMALLER
-    if not known.size or not window.coarse:
-        return None
-    middle = np.median((known[::2] + known[1::2]) / 2, axis=1).astype(np.float64)
-    (left, low), (right, high) = ((middle + sign * half).astype(np.float32).tolist() for sign in (-1, 1))
-    return left, right, low, high
+        return float(np.median(found[1::2] - found[::2]))

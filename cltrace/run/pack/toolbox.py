@@ -18,11 +18,8 @@ from cltrace.run.program import context_of, program, source
 
 # Of a kernel, by the names of its parameters.
 Arguments = dict[str, Any]
-EdgeType = type[np.float32] | type[np.float64]
-# The files of every program, and those that only one has whose discs have edges in float, or in double.
-COMMON = ("packet.cl", "abi", "pairs.cl", "pack/sums.cl", "pack/rows.cl", "pack/space.cl", "pack/tiles.cl")
-OF_FLOAT = ("pack/eye.cl", "pack/cells.cl", "pack/facets.cl", "pack/polygons.cl")
-OF_DOUBLE = ("pack/along.cl",)
+FILES = ("packet.cl", "abi", "pairs.cl", *(f"pack/{name}.cl" for name in (
+    "sums", "rows", "space", "tiles", "eye", "cells", "facets", "polygons")))  # fmt: skip
 # Vectors in memory begin at multiples of their size.
 PAGE = 4096
 # One camera's Views have at most so many buffers of one size.
@@ -61,13 +58,13 @@ class Toolbox:
         # Memory of buffers that are gone, by their sizes in bytes.
         self._spare: dict[int, list[NDArray[np.uint8]]] = before._spare if before else {}
 
-    def run(self, name: str, /, *, items: int = 0, edge: EdgeType = np.float32, **arguments: Any) -> None:
-        """Starts a kernel. items: how many work-items; edge: the type of a disc's edges.
+    def run(self, name: str, /, *, items: int = 0, **arguments: Any) -> None:
+        """Starts a kernel. items: how many work-items.
 
         The arguments have the names of the kernel's parameters, see NamedKernel. A driver may compile a kernel anew for
         each size, so there are few of them.
         """
-        kernel = kernel_of(self._device, self._single, edge is np.float64, name)
+        kernel = kernel_of(self._device, self._single, name)
         self._in_use += arguments.values()
         kernel.start(self.queue, items or ITEMS[self.kind], GROUP[self.kind], arguments)
 
@@ -165,28 +162,27 @@ def _take_back(spare: list[NDArray[np.uint8]], memory: NDArray[np.uint8]) -> Non
 
 
 @cache
-def kernel_of(device: Device, single: bool, double_edges: bool, name: str) -> NamedKernel:
+def kernel_of(device: Device, single: bool, name: str) -> NamedKernel:
     """A kernel, which all toolboxes of a device share.
 
     To make one anew takes 2 ms, and a movie of moving spheres needs sixteen in each frame.
     """
-    made, parameters = _program(device, single, double_edges)
+    made, parameters = _program(device, single)
     return NamedKernel(made, name, parameters[name])
 
 
 @cache
-def _program(device: Device, single: bool, double_edges: bool) -> tuple[Any, dict[str, dict[str, str]]]:
+def _program(device: Device, single: bool) -> tuple[Any, dict[str, dict[str, str]]]:
     """A program, and the parameters of its kernels."""
-    files, macros = program_of(single, double_edges)
+    macros = packed_types(single)
     values: dict[str, object] = {**macros, "W": min(device.width, WIDEST), "RUN": 1}
     options = [f"-D{name}={value}" for name, value in values.items()]
     # The kernels compute in double, whatever precision they pack for.
     options += abi.options("double", frozenset())
-    return program(device, options, files), parameters_of(source(files), macros)
+    return program(device, options, FILES), parameters_of(source(FILES), macros)
 
 
-def program_of(single: bool, double_edges: bool) -> tuple[tuple[str, ...], dict[str, str]]:
-    """The files of a program, and the types that it is given: of the buffers that it packs, and of discs' edges."""
-    out, edge = "float" if single else "double", "double" if double_edges else "float"
-    files = COMMON + (OF_DOUBLE if double_edges else OF_FLOAT)
-    return files, {"out2": f"{out}2", "out4": f"{out}4", "edge_t": edge, "edge4": f"{edge}4"}
+def packed_types(single: bool) -> dict[str, str]:
+    """The types of the buffers that a program packs, by their names in kernels/pack."""
+    out = "float" if single else "double"
+    return {"out2": f"{out}2", "out4": f"{out}4"}
