@@ -541,21 +541,6 @@ def test_a_hundred_faults_are_enough() -> None:
     assert faults[99:] == ["122: sphere: radius must be > 0, got -97", "122: … and 52 more"]
 
 
-MATERIAL_PARTS = ("reflectance", "transmittance", "refraction")
-
-
-def test_one_mistake_in_all_spheres_is_told_once() -> None:
-    """3,000 spheres without three elements that their materials must have."""
-    sphere = (
-        '<sphere radius="1"><position x="0" y="0" z="0"/>'
-        '<material_solid><color r="1" g="1" b="1"/><phong ka="1" kd="1" ks="1" exponent="1"/></material_solid>'
-        "</sphere>\n"
-    )
-    faults = faults_of(changed("<surfaces>\n", "<surfaces>\n" + sphere * 3000))
-    often = "is missing (3000 times, also in lines 26, 27, 28, …)"
-    assert faults == [f"25: sphere material_solid: <{name}> {often}" for name in sorted(MATERIAL_PARTS)]
-
-
 @pytest.mark.parametrize(
     ("breaks", "ending"),
     [
@@ -698,21 +683,12 @@ def test_more_light_than_there_is_is_pointed_out() -> None:
     assert warnings_of(mesh.replace('t="0.0"', 't="0.5"')) == [told]
 
 
-def test_a_hundred_warnings_are_enough() -> None:
-    warnings = warnings_of(changed("<surfaces>\n", "<surfaces>\n" + "".join(f"<coil{i}/>\n" for i in range(1000))))
-    assert warnings[0] == "25: surfaces: unknown element <coil0> ignored"
-    assert warnings[99:] == ["124: surfaces: unknown element <coil99> ignored", "124: … and 900 more"]
-
-
-@pytest.mark.parametrize(("name", "written"), [("a.jpg", "a.jpg.png"), ("a", "a.png"), (".png", ".png.png")])
+@pytest.mark.parametrize(("name", "written"), [("a.jpg", "a.jpg.png"), (".png", ".png.png")])
 def test_pictures_are_png(name: str, written: str) -> None:
     scene, warnings = read_text(SCENE.replace("example.png", name))
     assert scene.output_file == written
-    assert warnings == [f"scene.xml:3: scene: output_file '{name}' does not end in .png, which is appended"]
-
-
-def test_the_suffix_may_be_in_capitals() -> None:
     assert scene_of(SCENE.replace("example.png", "A.PNG")).output_file == "A.PNG"
+    assert warnings == [f"scene.xml:3: scene: output_file '{name}' does not end in .png, which is appended"]
 
 
 def test_a_part_of_a_name_is_pointed_out() -> None:
@@ -779,17 +755,12 @@ def test_a_namespace_with_a_line_break_is_named_on_one_line() -> None:
 
 # --- Transforms
 
-SQRT3 = math.sqrt(3)
 FOLDED = {
     "nothing": ([], (1, 2, 3), 1.5),
     "translate": (['<translate x="10" y="20" z="30"/>'], (11, 22, 33), 1.5),
     "scale": (['<scale x="2" y="2" z="2"/>'], (2, 4, 6), 3),
     "mirror": (['<scale x="-2" y="2" z="2"/>'], (-2, 4, 6), 3),
-    "x by 90": (['<rotateX theta="90"/>'], (1, -3, 2), 1.5),
-    "y by 90": (['<rotateY theta="90"/>'], (3, 2, -1), 1.5),
     "z by 90": (['<rotateZ theta="90"/>'], (-2, 1, 3), 1.5),
-    "z by -90": (['<rotateZ theta="-90"/>'], (2, -1, 3), 1.5),
-    "z by 180": (['<rotateZ theta="180"/>'], (-1, -2, 3), 1.5),
     "z by many turns": (['<rotateZ theta="36000090"/>'], (-2, 1, 3), 1.5),
     "the last acts first": (['<translate x="1" y="0" z="0"/>', '<rotateZ theta="90"/>'], (-1, 1, 3), 1.5),
     "and the other way": (['<rotateZ theta="90"/>', '<translate x="1" y="0" z="0"/>'], (-2, 2, 3), 1.5),
@@ -809,11 +780,6 @@ def test_transforms_fold(name: str) -> None:
     assert (sphere["center"].tolist(), sphere["radius"]) == (list(center), radius)
 
 
-def test_a_turn_by_30_degrees() -> None:
-    sphere = scene_of(with_transform('<rotateZ theta="30"/>', position='x="2" y="0" z="1"')).spheres[0]
-    np.testing.assert_allclose(sphere["center"], (SQRT3, 1, 1), rtol=1e-15)
-
-
 def scale(x: float, y: float, z: float) -> str:
     return f'<scale x="{x!r}" y="{y!r}" z="{z!r}"/>'
 
@@ -823,12 +789,9 @@ def turn(axis: str, degrees: float) -> str:
 
 
 ROUND = {
-    "a rotated scale": ([turn("X", 20), scale(2, 2, 2), turn("Y", 70.5)], 3),
     "one that cancels": ([scale(2, 1, 1), scale(1, 2, 2)], 3),
-    "to almost nothing and back": ([scale(1e-30, 1, 1), scale(1e30, 1, 1)], 1.5),
     "alike to almost nothing and back": ([scale(1e30, 1e30, 1e30), scale(1e-30, 1e-30, 1e-30)], 1.5 * 1e-30 * 1e30),
     "turned back by quarters": ([scale(1, 3, 1), turn("Z", 90), scale(1, 3, 1), turn("Z", -90), scale(1, 1, 3)], 4.5),
-    "mirrored": ([scale(-1, 1, 1)], 1.5),
     "mirrored and turned": ([scale(2, -2, 2), turn("Z", 12), scale(-1, 1, -1)], 3),
     "an ulp off": ([scale(1, 1, 1.0000000000000002)], 1.5),
 }
@@ -845,16 +808,10 @@ def test_what_stays_a_sphere(name: str) -> None:
 
 ELLIPSOIDS = {
     "a scale of three": ([scale(1, 2, -4)], [[1, 0, 0], [0, 0.5, 0], [0, 0, -0.25]]),
-    "moved": (['<translate x="9" y="9" z="9"/>', scale(1, 2, 4)], [[1, 0, 0], [0, 0.5, 0], [0, 0, 0.25]]),
     "4 ulps off": ([scale(1, 1, 1 + 2.0**-48)], [[1, 0, 0], [0, 1, 0], [0, 0, 1 / (1 + 2.0**-48)]]),
     "turned before": ([scale(1, 2, 4), turn("Z", 90)], [[0, 0.5, 0], [-1, 0, 0], [0, 0, 0.25]]),
     "turned after": ([turn("Z", 90), scale(1, 2, 4)], [[0, 1, 0], [-0.5, 0, 0], [0, 0, 0.25]]),
-    "turned there and back": (
-        [turn("X", -90), scale(1, 2, 4), turn("X", 90)],
-        [[1, 0, 0], [0, 0.25, 0], [0, 0, 0.5]],
-    ),
     "long and thin": ([scale(1e30, 1e-30, 1)], [[1 / 1e30, 0, 0], [0, 1 / 1e-30, 0], [0, 0, 1]]),
-    "scales in turn": ([scale(1, 4, 1)] * 3 + [scale(2, 2, 2)], [[0.5, 0, 0], [0, 1 / 128, 0], [0, 0, 0.5]]),
 }
 
 
@@ -865,14 +822,6 @@ def test_what_becomes_an_ellipsoid(name: str) -> None:
     assert len(warnings) == 2 * (name == "long and thin")  # its scales, and how far away it is
     assert scene.to_object.tolist() == [to_object]
     assert scene.spheres[["radius", "to_object"]].tolist() == [(1.5, 0)]
-
-
-def test_a_shear() -> None:
-    """Turned by 45 degrees, stretched to 2 and turned back: the inverse halves what is along (-1, 1, 0)."""
-    scene = scene_of(with_transform(turn("Z", 45), scale(1, 2, 1), turn("Z", -45)))
-    want = [[0.75, 0.25, 0], [0.25, 0.75, 0], [0, 0, 1]]
-    np.testing.assert_allclose(scene.to_object, [want], rtol=0, atol=2.0**-51)
-    assert scene.spheres["radius"].tolist() == [1.5]
 
 
 def test_equal_ellipsoids_have_one_map() -> None:
