@@ -97,74 +97,47 @@ def test_objects_of_other_libraries() -> None:
 MISTAKES: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: Mesh(V, [(0, 1, 1.5)]), ValueError, "mesh.faces"),
     (lambda: Mesh(V, [(0, 1, np.nan)]), ValueError, "mesh.faces"),
-    (lambda: Mesh(V, [(0, 1, np.inf)]), ValueError, "mesh.faces"),
-    (lambda: Mesh(V, [(0, 1, -1)]), ValueError, "mesh.faces"),
-    (lambda: Mesh(V, [(1, 2, 3), (2, 3, 4)]), ValueError, "mesh.faces"),
     (lambda: Mesh(V, [(0, 1, 2**70)]), ValueError, "mesh.faces"),
     (lambda: Mesh(V, np.array([[0, 1, 2**63]], np.uint64)), ValueError, "mesh.faces"),
     (lambda: Mesh(V, np.array([[0, 1, 2**32]])), ValueError, "mesh.faces"),
     (lambda: Mesh(V, [(0, 1, 2, 3)]), ValueError, "mesh.faces"),
     (lambda: Mesh(V, [0, 1, 2]), ValueError, "mesh.faces"),
-    (lambda: Mesh(V, [(0, 1, 2), (0, 1)]), ValueError, "mesh.faces"),
     (lambda: Mesh(V, np.ones((1, 3), bool)), ValueError, "mesh.faces"),
     (lambda: Mesh(V, "012"), ValueError, "mesh.faces"),
-    (lambda: Mesh(V, None), ValueError, "mesh.faces"),  # type: ignore[arg-type]
-    (lambda: Mesh([], F), ValueError, "mesh.faces"),
     (lambda: Mesh([(0, 0), (1, 0), (0, 1)], [(0, 1, 2)]), ValueError, "mesh.vertices"),
     (lambda: Mesh(np.ones((4, 4)), F), ValueError, "mesh.vertices"),
-    (lambda: Mesh(np.ones((4, 3, 1)), F), ValueError, "mesh.vertices"),
     (lambda: Mesh([*V, (np.nan, 0, 0)], F), ValueError, "mesh.vertices[4][0]"),
-    (lambda: Mesh([*V, (0, np.inf, 0)], F), ValueError, "mesh.vertices[4][1]"),
-    (lambda: Mesh([*V, (0, 0, 1e39)], F), ValueError, "mesh.vertices[4][2]"),
     (lambda: Mesh(np.array(V, complex), F), ValueError, "mesh.vertices"),
     (lambda: Mesh(np.array(V).astype(object), F), ValueError, "mesh.vertices"),
-    (lambda: Mesh(np.array(V).astype(str), F), ValueError, "mesh.vertices"),
     (lambda: Mesh(np.ma.masked_array(np.array(V)), F), ValueError, "mesh.vertices"),
     (lambda: Mesh((v for v in V), F), ValueError, "mesh.vertices"),  # type: ignore[arg-type]
     (lambda: Mesh(np.zeros(4, [("x", "f8"), ("y", "f8"), ("z", "f8")]), F), ValueError, "mesh.vertices"),
-    (lambda: Mesh(V, F, normals=[(0, 0, 1)]), ValueError, "mesh.normals"),
     (lambda: Mesh(V, F, normals=np.ones((2, 3))), ValueError, "mesh.normals"),
-    (lambda: Mesh(V, F, normals=np.ones((4, 2))), ValueError, "mesh.normals"),
     (lambda: Mesh(V, F, normals=np.full((4, 3), np.nan)), ValueError, "mesh.normals"),
     (lambda: Mesh(V, F, uv=np.zeros((4, 3))), ValueError, "mesh.uv"),
-    (lambda: Mesh(V, F, uv=np.full((4, 2), np.inf)), ValueError, "mesh.uv"),
     (lambda: Mesh(V, F, material="red"), TypeError, "mesh.material"),  # type: ignore[arg-type]
-    (lambda: Mesh(V, F, material=Material), TypeError, "mesh.material"),  # type: ignore[arg-type]
     (lambda: Mesh(V, F, transform=np.eye(2)), ValueError, "mesh.transform"),
     (lambda: Mesh(V, F, transform=np.diag([1, 1, 0])), ValueError, "mesh.transform"),
     (lambda: Mesh(V, F, transform=np.eye(4).T + np.eye(4, k=-3)), ValueError, "mesh.transform"),
-    (lambda: Mesh(V, F, transform=np.full((3, 3), np.nan)), ValueError, "mesh.transform"),
     (lambda: Mesh(2 * np.array(V), F, transform=3e38 * np.eye(3)), ValueError, "mesh.transform"),
-    (lambda: Mesh.of(None), TypeError, "mesh"),
     (lambda: Mesh.of("room.obj"), TypeError, "mesh"),
-    (lambda: Mesh.of((V, F)), TypeError, "mesh"),
     (lambda: Mesh.of({"vertices": V, "faces": F}), TypeError, "mesh"),
     (lambda: Mesh.of(Thing(points=V, cells=[("tetra", [(0, 1, 2, 3)])])), ValueError, "mesh.cells"),
     (lambda: Mesh.of(Thing(points=V, cells={"triangle": np.array(F)})), TypeError, "mesh.cells"),
     (lambda: Mesh.of(Thing(points=V, cells=np.array([3, 0, 1, 2]))), TypeError, "mesh.cells"),
-    (lambda: Mesh.of(Thing(points=V, cells=None)), TypeError, "mesh.cells"),
     (lambda: Scene.from_meshes(Camera(), [], [V, F]), TypeError, "meshes[0]"),  # type: ignore[list-item]
-    (lambda: Scene.from_meshes(Camera(), [], None), TypeError, "meshes"),  # type: ignore[arg-type]
     (lambda: Scene.from_meshes(Camera(), [], {"a": Mesh(V, F)}), TypeError, "meshes[0]"),  # type: ignore[arg-type]
-    (lambda: Scene.from_meshes([], [], Mesh(V, F)), TypeError, "camera"),  # type: ignore[arg-type]
     (lambda: Scene.from_meshes(Camera(), Mesh(V, F), []), TypeError, "lights"),  # type: ignore[arg-type]
-    (lambda: Scene.from_spheres(Camera(), [], [], 1, meshes=[3]), TypeError, "meshes[0]"),  # type: ignore[list-item]
     (lambda: Material(color=(255, 0, 0)), ValueError, "material.color"),
     (lambda: Material(color="reddish"), ValueError, "material.color"),
     (lambda: Material(color=(-1, 0, 0)), ValueError, "material.color[0]"),
-    (lambda: Material(ka=-1), ValueError, "material.ka"),
     (lambda: Material(kd=-1), ValueError, "material.kd"),
     (lambda: Material(kd=[1, 2]), ValueError, "material.kd"),  # type: ignore[arg-type]
-    (lambda: Material(ks=np.nan), ValueError, "material.ks"),
-    (lambda: Material(reflectance="much"), ValueError, "material.reflectance"),  # type: ignore[arg-type]
     (lambda: Material(transmittance=0.5, index=0), ValueError, "material.index"),
     (lambda: Material(texture="wall.png"), ValueError, "material.texture"),
     (lambda: Material(texture=np.zeros((4, 4, 3))), ValueError, "material.texture"),
-    (lambda: Material(texture=np.zeros((4, 4), bool)), ValueError, "material.texture"),
     (lambda: Material(texture=np.zeros((4, 4, 2), np.uint8)), ValueError, "material.texture"),
     (lambda: Material(texture=np.zeros((3, 64, 64), np.uint8)), ValueError, "material.texture"),
-    (lambda: Material(texture=np.zeros((0, 4, 3), np.uint8)), ValueError, "material.texture"),
-    (lambda: Material(texture=np.zeros((4, 4, 3), np.int8)), ValueError, "material.texture"),
     (lambda: Material(texture=np.ma.zeros((4, 4, 3), np.uint8)), ValueError, "material.texture"),
 ]
 

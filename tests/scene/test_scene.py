@@ -7,7 +7,6 @@ import pickle
 from array import array
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
-from datetime import timedelta
 from fractions import Fraction
 from typing import Any
 
@@ -37,71 +36,38 @@ def build(**changed: object) -> Scene:
     [
         ({"centers": [(0, 0), (1, 1)]}, "centers: must have shape (n, 3), got (2, 2)"),
         ({"centers": [(0, 0, 0), (0, math.nan, 0)]}, "centers[1][1]: must be a finite number, got nan"),
-        (
-            {"centers": [(0, 0, 0), (0, 1e39, 0)]},
-            "centers[1][1]: must not exceed 3.4e38 in magnitude, got 1e+39",
-        ),
         ({"centers": [("0", "0", "0")]}, "centers: must be numbers, got '0' among them"),
         ({"radii": [1, 0]}, "radii[1]: must be > 0, got 0"),
         ({"radii": -1}, "radii: must be > 0, got -1"),
-        ({"radii": [1, math.inf]}, "radii[1]: must be a finite number, got inf"),
         ({"radii": 1e-46}, "radii: must be at least 1.4e-45 in magnitude, got 1e-46"),
         ({"radii": [1, 2, 3]}, "radii: must have shape (2,) or be one value, got (3,)"),
         ({"radii": True}, "radii: must be numbers, got True"),
-        ({"radii": None}, "radii: must be numbers, got None"),
         ({"colors": (-1, 0, 0)}, "colors[0]: must be >= 0, got -1"),
         ({"exponent": -1}, "exponent: must be >= 0, got -1"),
-        ({"ks": [0, math.nan]}, "ks[1]: must be a finite number, got nan"),
-        ({"lights": [cltrace.parallel_light((0, 0, 0))]}, "lights.direction[0]: must not be 0"),
-        (
-            {"lights": [cltrace.point_light((0, 0, math.inf))]},
-            "lights.position[0][2]: must be a finite number, got inf",
-        ),
         ({"background": (0, 0, -0.5)}, "background[2]: must be >= 0, got -0.5"),
-        (
-            {"lights": [cltrace.spot_light((0, 0, 0), (1, 0, 0), 30, 20)]},
-            "lights.alpha1[0]: must be <= alpha2, got 30 > 20",
-        ),
         # What is no real number, or none that a double can hold, at any depth.
         ({"centers": [(0, 0, 1j), (0, 0, 0)]}, "centers: must be numbers, got 1j among them"),
         (
             {"centers": np.zeros((2, 3), complex)},
             "centers: must be numbers, got an array of complex128, shape (2, 3)",
         ),
-        ({"radii": np.complex128(1)}, "radii: must be numbers, got (1+0j) (complex128)"),
-        (
-            {"radii": [timedelta(1), 1]},
-            "radii: must be numbers, got datetime.timedelta(days=1) among them",
-        ),
         (
             {"radii": [np.timedelta64(1, "s"), 1]},
             "radii: must be numbers, got 1 seconds (timedelta64[s]) among them",
         ),
-        (
-            {"radii": np.array([1, 2], "m8[s]")},
-            "radii: must be numbers, got an array of timedelta64[s], shape (2,)",
-        ),
-        ({"radii": np.datetime64(1, "s")}, "radii: must be numbers, got 1970-01-01T00:00:01 (datetime64[s])"),
         ({"radii": [np.True_, 1]}, "radii: must be numbers, got True (bool) among them"),
         ({"radii": [1, None]}, "radii: must be numbers, got None among them"),
         ({"radii": b"12"}, "radii: must be numbers, got b'12'"),
         ({"radii": {1, 2}}, "radii: must be numbers, got {1, 2}"),
         ({"radii": MASKED}, "radii: must not be masked; use its filled() or compressed()"),
-        ({"radii": [1, np.ma.masked]}, "radii: must not be masked; use its filled() or compressed()"),
-        ({"colors": [MASKED, MASKED]}, "colors: must not be masked; use its filled() or compressed()"),
         ({"background": [0, 0, np.ma.masked]}, "background: must not be masked; use its filled() or compressed()"),
         (
             {"centers": [(0, 0, 10**400), (0, 0, 0)]},
             "centers: must not exceed 3.4e38 in magnitude, got an integer beyond 1.7e308",
         ),
-        (
-            {"radii": -(10**5000)},
-            "radii: must not exceed 3.4e38 in magnitude, got an integer beyond 1.7e308",
-        ),
         ({"centers": [(0, 0, 0), (0, 0)]}, "centers: must be an array, got rows of different lengths"),
         # Colours that are bytes.
         ({"colors": (255, 128, 0)}, f"colors: {BYTES.format(255)}"),
-        ({"colors": np.full((2, 3), 7, np.uint8)}, f"colors: {BYTES.format(7)}"),
         ({"colors": (255.0, 128.0, 0.0)}, f"colors: {BYTES.format(255)}"),
         ({"background": (0, 2, 0)}, f"background: {BYTES.format(2)}, or write 2.0"),
         # Arguments in each other's place.
@@ -126,23 +92,6 @@ def test_no_spheres(centers: Any, radii: Any, colors: Any) -> None:
     assert cltrace.render(scene).rgb8.shape == (1, 2, 3)
 
 
-def test_no_centres_for_some_radii() -> None:
-    with pytest.raises(ValueError, match=r"^radii: must have shape \(0,\) or be one value, got \(2,\)$"):
-        Scene.from_spheres(Camera(resolution=(2, 1)), [], [], [1, 2])
-
-
-def test_what_lights_leave_to_the_scene() -> None:
-    """As their docstrings say."""
-    for light, message in (
-        (cltrace.parallel_light((0, 0, 0)), "lights.direction[0]: must not be 0"),
-        (cltrace.spot_light((0, 0, 0), (0, 0, -1), 20, 10), "lights.alpha1[0]: must be <= alpha2, got 20 > 10"),
-        (cltrace.point_light((0, 0, 0), (-1, 0, 0)), "lights.color[0][0]: must be >= 0, got -1"),
-    ):
-        with pytest.raises(ValueError) as caught:
-            Scene.from_spheres(Camera(resolution=(2, 1)), [light], [(0, 0, -3)], 1)
-        assert str(caught.value) == message
-
-
 def test_a_list_that_contains_itself_is_no_number() -> None:
     endless: list[object] = []
     endless.append(endless)
@@ -159,20 +108,9 @@ def test_a_list_that_contains_itself_is_no_number() -> None:
             "Scene.from_spheres() takes plain arrays",
         ),
         (
-            lambda: Scene(Camera(), [], MATERIALS, SPHERES),
-            "spheres: must be an (n,) array of dtype cltrace.scene.SPHERE, got an array of records of color, ka, kd, "
-            "ks, exponent, reflectance, transmittance, index, texture, shape (0,); Scene.from_spheres() takes plain "
-            "arrays",
-        ),
-        (
             lambda: Scene(Camera(), [], SPHERES, [1.0]),  # type: ignore[arg-type]
             "materials: must be an (n,) array of dtype cltrace.scene.MATERIAL, got [1.0]; "
             "Scene.from_spheres() takes plain arrays",
-        ),
-        (
-            lambda: Scene(Camera(), [], np.zeros((1, 2), SPHERE), MATERIALS),
-            "spheres: must be an (n,) array of dtype cltrace.scene.SPHERE, got an array of records of center, radius, "
-            "material, to_object, shape (1, 2); Scene.from_spheres() takes plain arrays",
         ),
         (
             lambda: Scene([], Camera(), SPHERES, MATERIALS),  # type: ignore[arg-type]
@@ -194,11 +132,6 @@ def test_a_list_that_contains_itself_is_no_number() -> None:
             "lights: must be a list of what ambient_light(), point_light(), sky_light() and the like return, "
             "got (1, 2, 3) among them",
         ),
-        (
-            lambda: build(lights=np.zeros((2, 3))),
-            "lights: must be a list of what ambient_light(), point_light(), sky_light() and the like return, "
-            "got an array of float64, shape (2, 3)",
-        ),
     ],
 )
 def test_what_is_something_else_altogether(call: Callable[[], object], message: str) -> None:
@@ -211,13 +144,8 @@ def test_what_is_something_else_altogether(call: Callable[[], object], message: 
     ("call", "message"),
     [
         (lambda: cltrace.point_light((1, 2)), "light.position: must be 3 numbers, got (1, 2)"),
-        (lambda: cltrace.point_light(1.0), "light.position: must be 3 numbers, got 1.0"),
         (lambda: cltrace.parallel_light((0, 0, 1j)), "light.direction: must be numbers, got 1j among them"),
         (lambda: cltrace.spot_light((0, 0, 0), (0, 0, 1), (1, 2), 3), "light.alpha1: must be one number, got (1, 2)"),  # type: ignore[arg-type]
-        (
-            lambda: cltrace.point_light((0, 0, 10**400)),
-            "light.position: must not exceed 3.4e38 in magnitude, got an integer beyond 1.7e308",
-        ),
         (lambda: cltrace.ambient_light((255, 255, 255)), f"light.color: {BYTES.format(255)}"),
         (lambda: cltrace.ambient_light((3, 3, 3)), f"light.color: {BYTES.format(3)}, or write 3.0"),
     ],
@@ -278,35 +206,20 @@ def test_pixels_are_square_unless_told_otherwise() -> None:
     [
         ({"horizontal_fov": 0}, "camera.horizontal_fov: must be within (0, 90), got 0"),
         ({"horizontal_fov": 90}, "camera.horizontal_fov: must be within (0, 90), got 90"),
-        ({"horizontal_fov": -5}, "camera.horizontal_fov: must be within (0, 90), got -5"),
-        ({"horizontal_fov": 180}, "camera.horizontal_fov: must be within (0, 90), got 180"),
-        ({"horizontal_fov": math.nan}, "camera.horizontal_fov: must be a finite number, got nan"),
         ({"lookat": (0, 0, 0)}, "camera.lookat: must differ from position"),
         ({"up": (0, 0, 0)}, "camera.up: must not be 0"),
         ({"up": (0, 0, 3)}, "camera.up: must not be parallel to the view"),
         ({"position": (1, 2)}, "camera.position: must have shape (3,), got (2,)"),
         ({"resolution": (0, 5)}, "camera.resolution: must be within 1..65536 each and 1073741824 pixels, got 0x5"),
         ({"resolution": (2.5, 5)}, "camera.resolution: must be two integers (width, height), got (2.5, 5)"),
-        ({"resolution": (1, 2, 3)}, "camera.resolution: must be two integers (width, height), got (1, 2, 3)"),
         ({"resolution": "64x48"}, "camera.resolution: must be two integers (width, height), got '64x48'"),
         (
             {"resolution": (10**5000, 5)},
             "camera.resolution: must be within 1..65536 each and 1073741824 pixels, got an integer of 16610 bitsx5",
         ),
-        ({"resolution": 512}, "camera.resolution: must be two integers (width, height), got 512"),
         ({"max_bounces": -1}, "camera.max_bounces: must be within 0..100, got -1"),
-        ({"max_bounces": 2.0}, "camera.max_bounces: must be within 0..100, got 2.0"),
         ({"square_pixels": 1}, "camera.square_pixels: must be True or False, got 1"),
-        ({"lookat": (0, 0, 1j)}, "camera.lookat: must be numbers, got 1j among them"),
         ({"up": np.ma.array([0, 1, 0])}, "camera.up: must not be masked; use its filled() or compressed()"),
-        (
-            {"position": (0, 0, 10**400)},
-            "camera.position: must not exceed 3.4e38 in magnitude, got an integer beyond 1.7e308",
-        ),
-        (
-            {"horizontal_fov": np.timedelta64(30, "s")},
-            "camera.horizontal_fov: must be numbers, got 30 seconds (timedelta64[s])",
-        ),
     ],
 )
 def test_bad_cameras(changed: dict[str, object], message: str) -> None:
@@ -353,17 +266,14 @@ def test_materials_that_mirror_and_let_through() -> None:
         ({"transmittance": [0, -1]}, "transmittance[1]: must be >= 0, got -1"),
         ({"index": math.inf}, "index: must be a finite number, got inf"),
         ({"index": 0, "transmittance": 0.5}, "index: must be > 0 where transmittance > 0, got 0"),
-        ({"index": -1, "transmittance": [0, 0.5]}, "index[1]: must be > 0 where transmittance > 0, got -1"),
         ({"index": [1, -1], "transmittance": 0.5}, "index[1]: must be > 0 where transmittance > 0, got -1"),
         ({"transform": [1, 2, 3]}, "transform: must have shape (3, 3) or (2, 3, 3), got (3,)"),
-        ({"transform": np.zeros((3, 3, 3))}, "transform: must have shape (3, 3) or (2, 3, 3), got (3, 3, 3)"),
         ({"transform": np.diag([1, 1, math.nan])}, "transform[2][2]: must be a finite number, got nan"),
         ({"transform": np.zeros((3, 3))}, "transform: must not be singular"),
         (
             {"transform": [[1, 2, 3], [4, 5, 6], [7, 8, 9 + 1e-12]]},
             "transform: must not distort so much that rounding spoils its inverse",
         ),
-        ({"transform": [np.eye(3), np.arange(9).reshape(3, 3)]}, "transform[1]: must not be singular"),
         (
             {"transform": np.diag([1, 1, 1e-40])},
             "transform: its inverse must not exceed 3.4e38 in magnitude, got 1e+40",
@@ -442,10 +352,8 @@ def test_a_map_that_keeps_spheres_round_leaves_spheres() -> None:
     [
         ((), 0, "spheres.to_object[1]: must be -1 or the index of one of to_object, got 0"),
         ([np.eye(3)], 1, "spheres.to_object[1]: must be -1 or the index of one of to_object, got 1"),
-        ([np.eye(3)], -2, "spheres.to_object[1]: must be -1 or the index of one of to_object, got -2"),
         (np.eye(3), 0, "to_object: must have shape (n, 3, 3), got (3, 3)"),
         (np.zeros((0, 3)), -1, "to_object: must have shape (n, 3, 3), got (0, 3)"),
-        ([[(1, 0), (0, 1, 0)]], -1, "to_object: must be an array, got rows of different lengths"),
         (None, -1, "to_object: must be numbers, got None"),
         ([np.eye(3), np.ones((3, 3))], 0, "to_object[1]: must not be singular"),
         ([np.diag([1, 1e39, 1])], 0, "to_object[0][1][1]: must not exceed 3.4e38 in magnitude, got 1e+39"),
@@ -463,10 +371,6 @@ def test_bad_maps(to_object: Any, index: int, message: str) -> None:
     with pytest.raises(ValueError) as caught:
         replace(scene, spheres=spheres, to_object=to_object)
     assert str(caught.value) == message
-
-
-def test_repr_is_short() -> None:
-    assert repr(build()) == "<cltrace.Scene 512x512: 2 spheres, 1 lights>"
 
 
 def test_pickle() -> None:
@@ -494,13 +398,3 @@ def test_basis_is_orthonormal_even_if_up_is_nearly_the_view(angle: float) -> Non
         for j in range(3):
             dot = sum(rows[i][k] * rows[j][k] for k in range(3))
             assert abs(dot - (i == j)) < 1e-15
-
-
-def test_more_lights_than_a_scene_may_have() -> None:
-    """Each light has tables of its own for all spheres: 7,000 lights and 1,000 spheres took 1.2 GB."""
-    spheres = {"centers": [(0, 0, -3)], "radii": 1}
-    assert len(Scene.from_spheres(Camera(), [cltrace.point_light((0, 0, 0))] * 1024, **spheres).lights) == 1024
-    with pytest.raises(
-        ValueError, match=r"^lights: must be at most 1024, got 1025; --limit lights=N or CLTRACE_LIMITS allows more$"
-    ):
-        Scene.from_spheres(Camera(), [cltrace.point_light((0, 0, 0))] * 1025, **spheres)
