@@ -108,7 +108,7 @@ class Surfaces:
         tracer = self.tracer(scene) if n >= FEW_RAYS or n * m > FEW_PAIRS else None
         if tracer is None:
             return closest_item(self.kinds, o, d, low, high)
-        size = np.abs(d).max(axis=1)
+        size = np.maximum(np.maximum(np.abs(d[:, 0]), np.abs(d[:, 1])), np.abs(d[:, 2]))
         extreme = np.flatnonzero((size < MODERATE[0]) | (size > MODERATE[1]))
         _, exponent = np.frexp(size[extreme])
         w, ends = d, [low, high]
@@ -215,8 +215,8 @@ def _checked(
             raise ValueError(f"{name}: must have shape {shape} or {shape[1:]}, got {array.shape}")
         if np.isnan(array).any():
             raise ValueError(f"{name}: must not be nan")
-    o, d = (np.broadcast_to(x, (n, 3)).copy() for x in points)
-    low, high = (np.broadcast_to(x, (n,)).copy() for x in ends)
+    o, d = (np.broadcast_to(x, (n, 3)) for x in points)
+    low, high = (np.broadcast_to(x, (n,)) for x in ends)
     return o, d, low, high
 
 
@@ -226,8 +226,8 @@ def _vectors(name: str, value: ArrayLike) -> Floats:
         array = array.reshape(0, 3)
     if array.ndim not in (1, 2) or array.shape[-1] != 3:
         raise ValueError(f"{name}: must have shape (n, 3) or (3,), got {array.shape}")
-    bad = np.argwhere(~np.isfinite(array))
-    if len(bad):
+    if not np.isfinite(array).all():
+        bad = np.argwhere(~np.isfinite(array))
         where = "".join(f"[{i}]" for i in bad[0])
         raise ValueError(f"{name}{where}: must be a finite number, got {array[tuple(bad[0])]:g}")
     return array
