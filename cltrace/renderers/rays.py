@@ -16,6 +16,7 @@ from cltrace.oracle.scenes import closest_item, kinds_of
 from cltrace.renderers.surface_points import Rays, Spots, spots_of
 from cltrace.run.devices import choose
 from cltrace.run.rays import RayTracer
+from cltrace.run.trial import check_driver
 from cltrace.scene import Scene
 from cltrace.scene.rules import described, numbers
 
@@ -78,7 +79,7 @@ class Surfaces:
 
     def __init__(self, scene: Scene) -> None:
         self.kinds, self.meshes = kinds_of(scene), scene.meshes
-        self.lock = threading.Lock()
+        self._lock = threading.Lock()
         self._tracer: RayTracer | None = None
         self._asked = False
         self._item = np.empty(0, np.int64)
@@ -86,10 +87,13 @@ class Surfaces:
     def tracer(self, scene: Scene) -> RayTracer | None:
         """What traces rays on the device that pictures take; None without one that has doubles, and for surfaces of
         which bounds of errors might overflow or vanish."""
-        if not self._asked:
+        with self._lock:
+            if self._asked:
+                return self._tracer
             try:
                 device = choose()
-            except DeviceError:  # there is none
+                check_driver(device, 1)
+            except DeviceError:  # there is none, or its driver would end the process
                 device = None
             tracer = RayTracer(scene, device) if device and device.has_double else None
             self._tracer, self._asked = tracer if tracer and tracer.moderate else None, True
@@ -98,7 +102,7 @@ class Surfaces:
                 order = keys.argsort()
                 wanted = _keys(self._tracer.number, self._tracer.primitive)
                 self._item = np.append(order[np.searchsorted(keys, wanted, sorter=order)], -1)
-        return self._tracer
+            return self._tracer
 
     def first_hits(self, scene: Scene, o: Floats, d: Floats, low: Floats, high: Floats) -> tuple[Ids, Floats]:
         """The surface that each ray meets first, as a row of `kinds`, -1 for none, and t, correctly rounded."""
@@ -118,7 +122,7 @@ class Surfaces:
             with np.errstate(over="ignore"):
                 for end in ends:
                     end[extreme] = np.ldexp(end[extreme], exponent)
-        with self.lock:
+        with self._lock:
             found = tracer.trace(o, w, *ends)
         item, t, anything = self._item[found.index], found.t, found.anything
         if len(extreme):
