@@ -10,13 +10,15 @@ from typing import Any, Literal
 
 import mpmath
 import numpy as np
+from exact_rays import angle, lit, normal_of, root_of
 from hostile.catalogue import Case
 from hostile.sphere_scenes import Floats, directions
 from numpy.typing import NDArray
 
 from cltrace import Image, Renderer, Scene
 from cltrace.bench.truth import white
-from cltrace.oracle.spheres import closest, lit, normal_error, normal_high, t_high
+from cltrace.exact.shapes import ExactSphere
+from cltrace.oracle import closest
 from cltrace.reference import byte_of, world_of
 from cltrace.reference.trace import primary_ray, trace
 from cltrace.run.devices import Device
@@ -119,13 +121,13 @@ def _outside(scene: Scene, i: int) -> bool:
 def facing_normal(scene: Scene, seen: Hits, row: int) -> tuple[Fraction, ...]:
     """The normal at the hit of that row of `seen`, facing the eye, to 50 digits."""
     sphere = scene.spheres[seen.index[row]]
-    n = normal_high(scene.camera.position, seen.d[row], sphere["center"], float(sphere["radius"]))
+    n = normal_of(scene.camera.position, seen.d[row], sphere["center"], float(sphere["radius"]))
     return n if seen.outside[row] else tuple(-x for x in n)
 
 
 def reached(scene: Scene, seen: Hits, rows: NDArray[np.intp]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """(rows, lights) each, for all lights that are not ambient: lit and facing of the hits of these rows, as
-    spheres.lit() says.
+    exact_rays.lit() says.
 
     A spot light is taken for a point light: its cone is not looked at.
     """
@@ -172,10 +174,8 @@ def check(scene: Scene, device: Device, precision: str = "accurate", normals: in
     ulps = np.abs(depth[hit].astype(np.float32).astype(np.longdouble) - exact) / np.spacing(exact.astype(np.float32))
     most_ulps = float(ulps.max(initial=0))
     assert most_ulps <= 0.52, f"t is off by {most_ulps:.3f} ulp"
-    angle = (
-        max((normal_error(normal[i], n) for i, n in normals_of(scene, normals).items()), default=0) if normals else 0
-    )
-    assert angle <= 1e-7, f"a normal is off by {angle:.3g} rad"
+    off = max((angle(normal[i], n) for i, n in normals_of(scene, normals).items()), default=0) if normals else 0
+    assert off <= 1e-7, f"a normal is off by {off:.3g} rad"
     return image
 
 
@@ -194,7 +194,8 @@ def cosine(scene: Scene, pixel: int, number: int) -> float:
     sphere = scene.spheres[seen.index[pixel]]
     l = [-Fraction(float(x)) for x in light["direction"]]  # noqa: E741
     if light["kind"] == POINT:
-        t = t_high(scene.camera.position, seen.d[pixel], sphere["center"], float(sphere["radius"]))
+        ball = ExactSphere(sphere["center"].tolist(), float(sphere["radius"]))
+        t = root_of(scene.camera.position, seen.d[pixel], ball).value()
         p = [Fraction(o) + t * Fraction(x) for o, x in zip(scene.camera.position, seen.d[pixel], strict=True)]
         l = [Fraction(float(x)) - y for x, y in zip(light["position"], p, strict=True)]  # noqa: E741
     with mpmath.workdps(50):

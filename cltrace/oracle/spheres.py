@@ -1,8 +1,4 @@
-"""Spheres and ellipsoids as the oracle has them, and public questions about them alone.
-
-Spheres are given by centers (m, 3) and radii (m,) or one number for all, > 0; all numbers are finite. Every public
-function raises ValueError, which names the argument, where one is not of its shape or a value is not allowed. Touching
-counts, equal roots go to the lowest index, and a zero direction hits nothing.
+"""Spheres and ellipsoids as the oracle has them: what pairs of doubles know of rays and spheres.
 
 In front of the exact engine is a filter: double-double arithmetic in numpy, which keeps count of its errors. With
 
@@ -23,20 +19,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from math import atan2, sqrt
-from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.arithmetic import Floats, dot, minus, product, two_sum
 from cltrace.exact.fine import Fine, FineVector, fine_vector, select
-from cltrace.exact.lines import ExactPoint, Frame, Line, Root
+from cltrace.exact.lines import ExactPoint, Frame
 from cltrace.exact.shapes import ExactSphere
-from cltrace.oracle.rays import Ids, Points, Rays, Rough, along, at_point, moderate, rounded, to_light, turned
-from cltrace.oracle.search import Bools, Hits, Kind, Kinds, on_hits
+from cltrace.oracle.rays import Ids, Points, Rays, Rough, along, at_point, moderate, rounded, turned
+from cltrace.oracle.search import Bools, Hits, Kind, Kinds
 from cltrace.scene import Scene
-from cltrace.scene.rules import is_whole, numbers
+from cltrace.scene.rules import numbers
 
 Maps = Sequence[ArrayLike | None]
 
@@ -72,36 +66,6 @@ def _balls(centers: ArrayLike, radii: ArrayLike) -> tuple[Floats, Floats]:
     if not (sizes > 0).all():
         raise ValueError(f"radii: must be > 0, got {sizes[~(sizes > 0)][0]:g}")
     return places, sizes
-
-
-def _ball(center: ArrayLike, radius: float, names: tuple[str, str] = ("center", "radius")) -> tuple[Floats, float]:
-    size = float(array_of(names[1], radius))
-    if size <= 0:
-        raise ValueError(f"{names[1]}: must be > 0, got {size:g}")
-    return array_of(names[0], center, 3), size
-
-
-def _exact(name: str, values: Sequence[float | Fraction]) -> list[float | Fraction]:
-    """Three numbers, each finite; a Fraction must be one that has a double's kind of denominator, a power of two."""
-    rows = list(values) if np.ndim(np.asarray(values, object)) == 1 else []
-    if len(rows) != 3:
-        raise ValueError(f"{name}: must be 3 numbers, got {values!r}")
-    if not any(isinstance(v, Fraction) for v in rows):
-        given: Any = rows
-        return list(array_of(name, given, 3).tolist())
-    out = [v if isinstance(v, Fraction) else float(array_of(name, v)) for v in rows]
-    if any(isinstance(v, Fraction) and v.denominator & (v.denominator - 1) for v in out):
-        raise ValueError(f"{name}: the denominator of a Fraction must be a power of two, got {values!r}")
-    return out
-
-
-def _light(light: ArrayLike, kind: str) -> Floats:
-    if kind not in ("point", "parallel"):
-        raise ValueError(f"kind: must be 'point' or 'parallel', got {kind!r}")
-    array = array_of("light", light, 3)
-    if kind == "parallel" and not array.any():
-        raise ValueError("light: the direction of parallel light must not be 0")
-    return array
 
 
 # ---------------------------------------------------------------------------------------------------------- the kind
@@ -265,201 +229,42 @@ def on_spheres(spheres: Spheres, own: Ids, normal: Floats, basis: ArrayLike) -> 
     return Points((spheres.centers[own], (x, y, z)), place, own, Spheres)
 
 
-# ------------------------------------------------------------------------------------------------------ rays and lights
-
-
-class OnSphere(NamedTuple):
-    """The point center + radius normal / |normal|; the normal may have any length but 0.
-
-    to_object: of an ellipsoid, see `closest_from`; then the point is center + radius K^-1 normal / |normal|.
-    """
-
-    center: ArrayLike
-    radius: float
-    normal: Sequence[float | Fraction]
-    to_object: ArrayLike | None = None
-
-
-def _map(name: str, to_object: ArrayLike | None) -> Floats | None:
-    if to_object is None:
-        return None
-    made = array_of(name, to_object, 3, 3)
-    if not ExactSphere((0, 0, 0), 1, made.tolist()).inverse[1]:
-        raise ValueError(f"{name}: must not be singular")
-    return made
-
-
-def _spheres(centers: ArrayLike, radii: ArrayLike, to_object: Maps | None = None) -> Spheres:
-    places, sizes = _balls(centers, radii)
-    if to_object is None:
-        to_object = [None] * len(places)
-    if len(to_object) != len(places):
-        raise ValueError(f"to_object: must be as many as centers, {len(places)}, got {len(to_object)}")
-    maps = [_map(f"to_object[{i}]", K) for i, K in enumerate(to_object)]
-    return Spheres(places, sizes, maps, np.arange(len(places)))
-
-
-def _start(start: ArrayLike | Sequence[Fraction] | OnSphere, count: int) -> Points:
-    """Where so many rays start, exactly."""
-    if isinstance(start, OnSphere):
-        center, radius = _ball(start.center, start.radius, ("start.center", "start.radius"))
-        n = _exact("start.normal", start.normal)
-        if not any(n):
-            raise ValueError("start.normal: must not be 0")
-        to_object = _map("start.to_object", start.to_object)
-        rows = None if to_object is None else to_object.tolist()
-        place = ExactSphere(center.tolist(), radius, rows).point(n)
-    else:
-        place = ExactPoint.of(_exact("start", np.asarray(start, object).tolist()))
-    return Points(None, lambda i: place, np.full(count, -1))
-
-
-def _from_eye(origin: ArrayLike, direction: ArrayLike, centers: ArrayLike, radii: ArrayLike) -> tuple[Rays, Spheres]:
-    """Rays from one point."""
-    place, d = array_of("origin", origin, 3), array_of("direction", direction, -1, 3)
-    return along(at_point(place, len(d)), d, np.eye(3)), _spheres(centers, radii)
-
-
 def closest(
     origin: ArrayLike, direction: ArrayLike, centers: ArrayLike, radii: ArrayLike
 ) -> tuple[NDArray[np.int32], Floats]:
-    """The nearest hit of every ray: sphere (n,) int32, -1 if none; t (n,), correctly rounded, inf if none.
+    """The nearest hit of every ray among spheres.
 
-    origin (3,), direction (n, 3), centers (m, 3), radii (m,) or one number > 0 for all: finite float64, taken as exact
-    numbers. t is in units of the ray's direction, which may have any length; a direction of 0 hits nothing. Raises
-    ValueError, which names the argument, where one is not of its shape or a value is not allowed.
+    Parameters
+    ----------
+    origin : array_like, shape (3,)
+    direction : array_like, shape (n, 3)
+        Directions may have any length; one of 0 hits nothing.
+    centers : array_like, shape (m, 3)
+    radii : array_like, shape (m,), or one number for all
+        Greater than 0. All numbers are finite, and taken as exact.
+
+    Returns
+    -------
+    sphere : ndarray of int32, shape (n,)
+        The sphere that is met first, -1 for none. Touching counts, and equal distances go to the lowest index.
+    t : ndarray of float64, shape (n,)
+        Correctly rounded, in units of the direction; inf for none.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not of its shape or a value is not allowed. The message names the argument.
     """
-    rays, spheres = _from_eye(origin, direction, centers, radii)
+    rays, spheres = rays_among_spheres(origin, direction, centers, radii)
     found = Kinds([spheres]).closest(rays)
     return found.item.astype(np.int32), found.rounded()
 
 
-def closest_from(
-    start: ArrayLike | Sequence[Fraction] | OnSphere,
-    direction: Sequence[Sequence[float | Fraction]],
-    centers: ArrayLike,
-    radii: ArrayLike,
-    t_min: float = 0.0,
-    t_max: float = np.inf,
-    to_object: Maps | None = None,
-) -> tuple[NDArray[np.int32], Floats]:
-    """What `closest` returns, for rays that start anywhere, by integers alone: the first t strictly within the range.
-
-    to_object: for each sphere a matrix K (3, 3), which makes it the ellipsoid |K (p - C)| = r, or None.
-
-    start: (3,), of which each may be a Fraction, or OnSphere; direction: rows of 3 numbers; t_min, t_max: the range,
-    inf and -inf are no bounds.
-    """
-    if not (t_min < np.inf and t_max > -np.inf):  # nor NaN
-        raise ValueError(f"t_min, t_max: must be numbers, t_min < inf and t_max > -inf, got {t_min!r}, {t_max!r}")
-    shape = np.asarray(direction, object).shape  # of objects: a Fraction stays what it is
-    if shape[1:] != (3,) and shape != (0,):
-        raise ValueError(f"direction: must have shape (n, 3), got {shape}")
-    spheres, points = _spheres(centers, radii, to_object), _start(start, len(direction))
-    ways = [ExactPoint.of(_exact("direction", row)) for row in direction]
-    rays = Rays(None, lambda i: Line(points.place(i), ways[i]), points.own, t_min=t_min, t_max=t_max)
-    found = Kinds([spheres]).closest(rays)
-    return found.item.astype(np.int32), found.rounded()
-
-
-def blocked(
-    start: OnSphere,
-    light: ArrayLike,
-    kind: Literal["point", "parallel"],
-    centers: ArrayLike,
-    radii: ArrayLike,
-    to_object: Maps | None = None,
-) -> bool:
-    """Whether a sphere or an ellipsoid is met strictly between a point of one and a light.
-
-    light: a position ("point") or the direction in which the light travels ("parallel"). From inside, the sphere that
-    the ray starts on blocks as any other: if and only if the light is strictly outside.
-    """
-    rays = to_light(_start(start, 1), _light(light, kind), kind == "parallel")
-    return bool(Kinds([_spheres(centers, radii, to_object)]).blocked(rays)[0])
-
-
-def lit(
-    origin: ArrayLike,
-    direction: ArrayLike,
-    hit_index: ArrayLike,
-    centers: ArrayLike,
-    radii: ArrayLike,
-    light: ArrayLike,
-    kind: Literal["point", "parallel"],
-) -> tuple[Bools, Bools]:
-    """(lit, facing), (n,) each, of the points P where rays meet the spheres hit_index, (n,); ValueError if not.
-
-    light, kind: as of blocked(). facing: n.l > 0, where n is the normal that faces the side from which the ray came,
-    and l leads from P to the light. lit: facing, and nothing blocks.
-    """
-    where = _light(light, kind)
-    rays, spheres = _from_eye(origin, direction, centers, radii)
-    own, m = np.broadcast_to(hit_index, len(rays)), len(spheres.radii)
-    if own.dtype.kind != "i" or not ((own >= 0) & (own < m)).all():
-        raise ValueError(f"hit_index: must be the index of one of the {m} spheres, got {hit_index!r}")
-    points = on_hits(rays, spheres, own)
-    shadow, facing = to_light(points, where, kind == "parallel"), np.zeros(len(own), bool)
-    for i in range(len(own)):
-        side = _hit(rays.line(i), spheres.solid(int(own[i]))).side
-        outward, line = points.place(i) - spheres.solid(int(own[i])).center, shadow.line(i)
-        # A light at a point leads to P.
-        facing[i] = side * dot(outward.numbers, line.way).sign() * (1 if kind == "parallel" else -1) < 0
-    return facing & ~Kinds([spheres]).blocked(shadow), facing
-
-
-def _hit(line: Line, sphere: ExactSphere) -> Root:
-    """Where a ray meets a sphere; ValueError if it does not."""
-    root = sphere.first(line, 0.0, np.inf)
-    if root is None:
-        raise ValueError("the ray does not hit the sphere")
-    return root
-
-
-def t_high(origin: ArrayLike, direction_row: ArrayLike, center: ArrayLike, radius: float, bits: int = 160) -> Fraction:
-    """The hit's t with a relative error below 2^-bits, bits >= 1; ValueError if there is no hit."""
-    if not is_whole(bits) or bits < 1:
-        raise ValueError(f"bits: must be a whole number >= 1, got {bits!r}")
-    return _one(origin, direction_row, center, radius)[1].value(bits)
-
-
-def _one(origin: ArrayLike, direction_row: ArrayLike, center: ArrayLike, radius: float) -> tuple[ExactSphere, Root]:
-    """A sphere, and where a ray hits it."""
-    place, size = _ball(center, radius)
-    row = array_of("direction_row", direction_row, 3)
-    rays, spheres = _from_eye(origin, row[None], place[None], size)
-    return spheres.solid(0), _hit(rays.line(0), spheres.solid(0))
-
-
-def normal_high(
-    origin: ArrayLike, direction_row: ArrayLike, center: ArrayLike, radius: float
-) -> tuple[Fraction, Fraction, Fraction]:
-    """The outward unit normal (p - C) / r at the hit, each component to within 1e-50; ValueError if there is no hit."""
-    sphere, root = _one(origin, direction_row, center, radius)
-    from_center = root.point() - sphere.center
-    # Each component is p + q sqrt(D) over a number; twice as many bits as q and that have leave 180 behind the point.
-    bits = 180 + max(x.q.bit_length() for x in from_center.numbers)
-    r = Fraction(radius) * from_center.over
-    x, y, z = (part.between(bits).low / r for part in from_center.numbers)
-    return x, y, z
-
-
-def normal_error(normal: ArrayLike, exact: Sequence[Fraction]) -> float:
-    """The angle between a normal of any length but 0 and one of normal_high(), radians."""
-    n = [Fraction(x) for x in array_of("normal", normal, 3).tolist()]
-    if not any(n):
-        raise ValueError("normal: must not be 0")
-    if len(exact) != 3:
-        raise ValueError(f"exact: must be 3 numbers, got {exact!r}")
-    cross = [n[i - 2] * exact[i - 1] - n[i - 1] * exact[i - 2] for i in range(3)]
-    dot = sum((x * y for x, y in zip(n, exact, strict=True)), Fraction(0))
-    return atan2(sqrt(sum(x * x for x in cross)), dot)
-
-
-def to_world(basis: Sequence[Sequence[float]], v: Sequence[float]) -> tuple[Fraction, Fraction, Fraction]:
-    """The vector v of camera space along the world's axes, exactly: v.x right + v.y up + v.z back."""
-    if len(basis) != 3:
-        raise ValueError(f"basis: must be 3 vectors, got {basis!r}")
-    axes, parts = [[Fraction(x) for x in _exact("basis", a)] for a in basis], [Fraction(x) for x in _exact("v", v)]
-    x, y, z = (sum((e * a[i] for e, a in zip(parts, axes, strict=True)), Fraction(0)) for i in range(3))
-    return x, y, z
+def rays_among_spheres(
+    origin: ArrayLike, direction: ArrayLike, centers: ArrayLike, radii: ArrayLike
+) -> tuple[Rays, Spheres]:
+    """What closest() is asked about; it raises the same."""
+    place, d = array_of("origin", origin, 3), array_of("direction", direction, -1, 3)
+    places, sizes = _balls(centers, radii)
+    spheres = Spheres(places, sizes, [None] * len(places), np.arange(len(places)))
+    return along(at_point(place, len(d)), d, np.eye(3)), spheres

@@ -8,6 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from exact_rays import to_world
 from rational_meshes import doubles_mesh, exactly, grid_mesh, nearest
 from stress_cases import pairs_on_a_plane
 
@@ -16,7 +17,7 @@ from cltrace import Camera, Image, Material, Mesh, Orthographic, Scene
 from cltrace.exact.lines import ExactPoint, Line
 from cltrace.oracle.rays import Rays
 from cltrace.oracle.search import Kinds
-from cltrace.oracle.spheres import Spheres, to_world
+from cltrace.oracle.spheres import Spheres
 from cltrace.picture.image import Output
 from cltrace.reference import world_of
 from cltrace.reference.trace import primary_ray, trace

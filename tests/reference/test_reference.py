@@ -8,15 +8,17 @@ from collections.abc import Iterable
 from fractions import Fraction
 from unittest.mock import patch
 
+import exact_rays
 import numpy as np
 import pytest
+from exact_rays import blocked as blocked_from
+from exact_rays import closest_from
 from hostile import bounced_regimes
 
 import cltrace
-from cltrace import Camera, Scene
+from cltrace import Camera, Scene, oracle
 from cltrace.exact.shapes import ExactSphere
 from cltrace.exact.surds import Surd
-from cltrace.oracle import spheres as oracle
 from cltrace.oracle.search import Kinds
 from cltrace.oracle.spheres import Spheres
 from cltrace.reference import (
@@ -281,7 +283,7 @@ def turned_scene(rng: np.random.Generator, scale: float = 1.0, lights: tuple = (
 
 
 def in_world(scene: Scene, v: Iterable[float]) -> tuple[Fraction, Fraction, Fraction]:
-    return oracle.to_world(scene.camera.basis(), tuple(v))
+    return exact_rays.to_world(scene.camera.basis(), tuple(v))
 
 
 def test_primary_rays_of_turned_cameras_are_those_of_the_oracle() -> None:
@@ -291,7 +293,7 @@ def test_primary_rays_of_turned_cameras_are_those_of_the_oracle() -> None:
         scene = turned_scene(rng)
         world, eye = world_of(scene), scene.camera.position
         rays = [primary_ray(scene.camera, *map(int, rng.integers(0, (24, 18)))) for _ in range(60)]
-        want = oracle.closest_from(
+        want = closest_from(
             eye, [in_world(scene, r.direction) for r in rays], scene.spheres["center"], scene.spheres["radius"]
         )
         for ray, index, t in zip(rays, *want, strict=True):
@@ -317,8 +319,8 @@ def test_spheres_that_are_far_for_their_size_before_a_turned_camera(exponent: in
         start = OnSphere(ball, Direction(*(n / np.linalg.norm(n))))
         d = Direction(*(-n / np.linalg.norm(n) + side * rng.uniform(0.9, 1.1) * rng.choice([1, 1e9])))
         at = closest_hit(world, Ray(start, d))
-        index, t = oracle.closest_from(
-            oracle.OnSphere(scene.spheres["center"][i], scene.spheres["radius"][i], in_world(scene, start.normal)),
+        index, t = closest_from(
+            exact_rays.OnSphere(scene.spheres["center"][i], scene.spheres["radius"][i], in_world(scene, start.normal)),
             [in_world(scene, d)],
             scene.spheres["center"],
             scene.spheres["radius"],
@@ -327,7 +329,7 @@ def test_spheres_that_are_far_for_their_size_before_a_turned_camera(exponent: in
         assert at is None or abs(at.t / t[0] - 1) < 2.0**-24
         # From the eye, towards the centre as well as doubles can.
         ray = Ray(EYE, Direction(*ball.center))
-        want = oracle.closest_from(
+        want = closest_from(
             scene.camera.position, [in_world(scene, ray.direction)], scene.spheres["center"], scene.spheres["radius"]
         )
         at = closest_hit(world, ray)
@@ -353,8 +355,8 @@ def test_rays_from_a_sphere_are_those_of_the_oracle(turned: bool) -> None:
         d = [Direction(*rng.normal(size=3)), n, -n, n.cross(Direction(1, 2, 3))][k % 4]
         t_min, t_max = (0.0, math.inf) if k % 3 else (float(rng.uniform(0, 1)), float(rng.uniform(1, 4)))
         at = closest_hit(world, Ray(start, d, t_min, t_max))
-        index, t = oracle.closest_from(
-            oracle.OnSphere(
+        index, t = closest_from(
+            exact_rays.OnSphere(
                 scene.spheres["center"][i], scene.spheres["radius"][i], in_world(scene, n if k % 2 else start.normal)
             ),
             [in_world(scene, d)],
@@ -396,15 +398,13 @@ def test_shadows_are_those_of_the_oracle(turned: bool) -> None:
             if at is None:
                 continue
             own = spheres[at.index]
-            start = oracle.OnSphere(own["center"], float(own["radius"]), in_world(scene, at.start.normal))
+            start = exact_rays.OnSphere(own["center"], float(own["radius"]), in_world(scene, at.start.normal))
             for light, lamp in zip(scene.lights, world.lights, strict=True):
                 if lamp.parallel:
-                    blocked = oracle.blocked(
-                        start, light["direction"], "parallel", spheres["center"], spheres["radius"]
-                    )
+                    blocked = blocked_from(start, light["direction"], "parallel", spheres["center"], spheres["radius"])
                     facing = at.normal.dot(lamp.direction_from(at.start)) > 0
                 else:
-                    blocked = oracle.blocked(start, light["position"], "point", spheres["center"], spheres["radius"])
+                    blocked = blocked_from(start, light["position"], "point", spheres["center"], spheres["radius"])
                     facing = at.normal.dot(lamp.direction_from(at.start)) > 1e-9
                 if facing:
                     assert cast_shadow_ray(world, at, lamp) is blocked
@@ -545,7 +545,7 @@ def test_along_a_surface_on_which_the_eye_is() -> None:
             y = math.nextafter(y, rng.choice([-9, 9]))
         ray = Ray(EYE, Direction(x, y, -float(rng.choice([1, 2.0**-30]))))
         at = hit(ray, (3 * k, 4 * k, 0, 5 * k))
-        index, t = oracle.closest_from((0, 0, 0), [tuple(ray.direction)], [(3 * k, 4 * k, 0)], [5 * k])
+        index, t = closest_from((0, 0, 0), [tuple(ray.direction)], [(3 * k, 4 * k, 0)], [5 * k])
         assert (at.index if at else -1) == index[0]
         assert at is None or at.t == pytest.approx(t[0], rel=1e-7)
         hits += at is not None
@@ -578,11 +578,11 @@ def test_the_ends_of_a_range_are_exact() -> None:
         world, d = world_of(scene), Direction(*rng.uniform(-0.2, 0.2, 2), -1.0)
         sphere = scene.spheres[0]
         near, far = (
-            oracle.closest_from((0, 0, 0), [tuple(d)], [sphere["center"]], [sphere["radius"]], t)[1][0] for t in (0, 5)
+            closest_from((0, 0, 0), [tuple(d)], [sphere["center"]], [sphere["radius"]], t)[1][0] for t in (0, 5)
         )
         for t_min, t_max in ((0.0, near), (near, far), (near, math.inf), (far, math.inf)):
             at = closest_hit(world, Ray(EYE, d, t_min, t_max))
-            want = oracle.closest_from((0, 0, 0), [tuple(d)], [sphere["center"]], [sphere["radius"]], t_min, t_max)
+            want = closest_from((0, 0, 0), [tuple(d)], [sphere["center"]], [sphere["radius"]], t_min, t_max)
             assert (at is not None) == (want[0][0] == 0)
             assert at is None or at.t == pytest.approx(want[1][0], rel=1e-14)
 
@@ -1055,12 +1055,12 @@ def test_shadows_of_and_on_ellipsoids_are_those_of_the_oracle() -> None:
             surface, K = world.surfaces[own], shapes.to_object[own]
             assert isinstance(surface, Round)
             n = in_world(scene, q) if K is None else q
-            start = oracle.OnSphere(shapes.centers[own], float(shapes.radii[own]), n, K)
+            start = exact_rays.OnSphere(shapes.centers[own], float(shapes.radii[own]), n, K)
             for light, lamp in zip(np.concatenate(lights), world.lights, strict=True):
                 outward = surface.outward(Direction(*q)).dot(lamp.direction_from(OnSphere(surface, Direction(*q)))) > 0
                 ray = ShadowRay(OnSphere(surface, Direction(*q)), not outward, lamp)
                 where, kind = (light["direction"], "parallel") if lamp.parallel else (light["position"], "point")
-                blocked = oracle.blocked(start, where, kind, shapes.centers, shapes.radii, shapes.to_object)
+                blocked = blocked_from(start, where, kind, shapes.centers, shapes.radii, shapes.to_object)
                 assert any(s.blocks(ray) for s in world.surfaces) is blocked
                 found[blocked] += 1
     assert min(found.values()) > 50

@@ -1,0 +1,200 @@
+"""The exact engine, by way of the oracle, against an independent judge: on hostile scenes, and random ones of ties."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import judge
+import mpmath
+import numpy as np
+import pytest
+from hostile import bounced_regimes, mesh_regimes, rod_pictures
+from hostile.sphere_regimes import REGIMES, camera_space, rays
+
+from cltrace import Camera, Mesh, Scene
+from cltrace.exact.lines import ExactPoint, Line
+from cltrace.exact.shapes import ExactCylinder, ExactSphere, ExactTriangle
+from cltrace.oracle import closest, closest_hit
+from cltrace.oracle.rays import to_light
+from cltrace.oracle.search import Kinds
+from cltrace.oracle.spheres import Spheres, on_spheres
+from cltrace.oracle.triangles import Triangles, on_triangles
+
+Named = tuple[int, int, judge.Surface]
+
+
+def surfaces_of(scene: Scene) -> list[Named]:
+    """Number, primitive and the plain numbers of all surfaces, by rising numbers."""
+    found: list[Named] = []
+    for number, one in zip(scene.sphere_numbers.tolist(), scene.spheres, strict=True):
+        K = scene.to_object[one["to_object"]].tolist() if one["to_object"] >= 0 else None
+        found.append((number, -1, judge.Ball(one["center"].tolist(), float(one["radius"]), K)))
+    for one in scene.cylinders:
+        rod = judge.Rod(one["start"].tolist(), one["end"].tolist(), float(one["radius"]))
+        found.append((int(one["number"]), -1, rod))
+    for mesh in scene.meshes:
+        corners = mesh.vertices[mesh.geometry.faces].tolist()
+        found += [(mesh.number, i, judge.Flat(three)) for i, three in enumerate(corners)]
+    return sorted(found, key=lambda one: one[:2])
+
+
+def in_world(scene: Scene, d: np.ndarray) -> list[mpmath.mpf]:
+    """B^T d, which is not rounded."""
+    with mpmath.workdps(judge.DIGITS):
+        axes = [[mpmath.mpf(float(x)) for x in row] for row in scene.camera.basis()]
+        return [
+            sum((mpmath.mpf(float(e)) * row[i] for e, row in zip(d, axes, strict=True)), mpmath.mpf(0))
+            for i in range(3)
+        ]
+
+
+def agree(surfaces: list[Named], found: tuple[int, int, float], o: object, w: object, *ends: float) -> int:
+    """The number of what is met, after having compared what was found with what the judge says."""
+    index, t = judge.first([one[2] for one in surfaces], o, w, *ends)  # type: ignore[arg-type]
+    assert found[:2] == (surfaces[index][:2] if index >= 0 else (-1, -1))
+    assert judge.is_rounded(found[2], t)
+    return found[0]
+
+
+@pytest.mark.parametrize(("name", "regime"), REGIMES, ids=[name for name, _ in REGIMES])
+def test_spheres_from_the_eye(name: str, regime: object) -> None:
+    for seed in range(2):
+        scene = regime(seed, (32, 24))  # type: ignore[operator]
+        origin, centers, radii = camera_space(scene)
+        d = rays(scene.camera)
+        index, t = closest(origin, d, centers, radii)
+        balls: list[Named] = [(i, -1, judge.Ball(*one)) for i, one in enumerate(zip(centers, radii, strict=True))]
+        for k in np.random.default_rng(seed).choice(len(d), 20, replace=False):
+            agree(balls, (int(index[k]), -1, float(t[k])), origin, d[k])
+
+
+@pytest.mark.parametrize("name", list(bounced_regimes.REGIMES))
+def test_rays_and_shadows_from_spheres_and_ellipsoids(name: str) -> None:
+    seen, dark = set(), {False: 0, True: 0}
+    for seed in range(3):
+        scene = bounced_regimes.scene_of(name, seed)
+        leaving, spheres, surfaces = bounced_regimes.rays_of(scene, 15, seed), Spheres.of(scene), surfaces_of(scene)
+        found = Kinds([spheres]).closest(leaving.path(spheres))
+        t = found.rounded()
+        rng = np.random.default_rng(seed)
+        light = scene.spheres["center"][0] + scene.spheres["radius"][0] * rng.normal(size=3)
+        points = on_spheres(spheres, leaving.own.astype(np.int64), leaving.normal, leaving.basis)
+        blocked = Kinds([spheres]).blocked(to_light(points, light, parallel=bool(seed % 2)))
+        for k, own in enumerate(leaving.own.tolist()):
+            ball = surfaces[own][2]
+            assert isinstance(ball, judge.Ball)
+            normal = in_world(scene, leaving.normal[k]) if ball.to_object is None else leaving.normal[k]
+            start = ball.point(normal)
+            seen.add(
+                agree(surfaces, (int(found.item[k]), -1, float(t[k])), start, in_world(scene, leaving.direction[k]))
+            )
+            want = judge.between([one[2] for one in surfaces], start, light, parallel=bool(seed % 2))
+            assert blocked[k] == want
+            dark[want] += 1
+    assert len(seen) > 2
+    assert min(dark.values()) > 0
+
+
+@pytest.mark.parametrize("name", list(mesh_regimes.REGIMES))
+def test_meshes(name: str) -> None:
+    scene = mesh_regimes.scene_of(name, 0, (8, 8))
+    surfaces = surfaces_of(scene)
+    axes, eye = np.array(scene.camera.basis()), scene.camera.position
+    d = rays(scene.camera)[np.random.default_rng(1).choice(64, 3 if len(surfaces) < 200 else 1, replace=False)] @ axes
+    found = closest_hit(scene, eye, d)
+    for k, way in enumerate(d):
+        agree(surfaces, (int(found.id[k]), int(found.primitive[k]), float(found.t[k])), eye, way)
+
+
+@pytest.mark.parametrize("name", list(rod_pictures.REGIMES))
+def test_cylinders(name: str) -> None:
+    for seed in range(3):
+        scene = rod_pictures.scene_of(name, seed, (8, 8))
+        d = rays(scene.camera)[np.random.default_rng(seed).choice(64, 8, replace=False)] @ np.array(
+            scene.camera.basis()
+        )
+        found = closest_hit(scene, scene.camera.position, d)
+        for k, way in enumerate(d):
+            got = int(found.id[k]), int(found.primitive[k]), float(found.t[k])
+            agree(surfaces_of(scene), got, scene.camera.position, way)
+
+
+def whole_scene(rng: np.random.Generator) -> Scene:
+    """Of small whole numbers, so that surfaces touch, and are equally near, all over."""
+    centers, radii = rng.integers(-3, 4, (4, 3)), rng.integers(1, 4, 4)
+    maps = np.array([np.eye(3), np.eye(3), np.diag(rng.choice([0.5, 1, 2], 3)), np.eye(3)[rng.permutation(3)] * 2])
+    mesh = Mesh(rng.integers(-3, 4, (7, 3)).astype(float), [(0, 1, 2), (0, 2, 3), (3, 2, 4), (4, 5, 6), (1, 2, 5)])
+    scene = Scene.from_spheres(Camera(), (), centers, radii, transform=maps, meshes=[mesh])
+    starts = rng.integers(-3, 4, (3, 3)).astype(float)
+    ends = starts + np.eye(3)[rng.integers(0, 3, 3)] * rng.choice([-2, -1, 1, 2], (3, 1))
+    return scene.with_cylinders(starts, ends, rng.choice([0.5, 1, 2], 3))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_whole_numbers(seed: int) -> None:
+    """Any start, any range, all shapes together."""
+    rng = np.random.default_rng(seed)
+    scene = whole_scene(rng)
+    surfaces, seen = surfaces_of(scene), set()
+    o, d = rng.integers(-5, 6, (60, 3)).astype(float), rng.integers(-2, 3, (60, 3)).astype(float)
+    d[~d.any(axis=1)] = 1
+    t_min, t_max = rng.choice([0, 0, -1, 0.5, 1, -np.inf], 60), rng.choice([np.inf, np.inf, 2, 3], 60)
+    found = closest_hit(scene, o, d, t_min, t_max)
+    for k in range(60):
+        got = int(found.id[k]), int(found.primitive[k]), float(found.t[k])
+        seen.add(agree(surfaces, got, o[k], d[k], t_min[k], t_max[k]))
+    assert len(seen) > 4
+
+
+def exactly(surfaces: list[Named]) -> Iterator[ExactSphere | ExactTriangle | ExactCylinder]:
+    for _, _, one in surfaces:
+        if isinstance(one, judge.Ball):
+            yield ExactSphere(one.center, one.radius, one.to_object)
+        elif isinstance(one, judge.Rod):
+            yield ExactCylinder(one.start, one.end, one.radius)
+        else:
+            yield ExactTriangle(one.corners)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_lights_from_points_of_triangles(seed: int) -> None:
+    """By engine and filters, from points within triangles to lights on other surfaces."""
+    rng = np.random.default_rng(seed + 50)
+    scene = whole_scene(rng)
+    flat, surfaces = Triangles.of(scene), surfaces_of(scene)
+    own, corner = rng.integers(len(flat.faces), size=20), rng.integers(3, size=20)
+    uv = rng.choice([0.25, 0.5, 0.125], (20, 2)) / 2
+    points = on_triangles(flat, own, corner, uv)
+    solids = list(exactly(surfaces))
+    for k in range(20):
+        light, start = rng.integers(-4, 5, 3).astype(float), points.place(k)
+        place = [mpmath.mpf(x.numerator) / x.denominator for x in start.fractions()]
+        if light.tolist() == place:
+            continue
+        for solid, (_, primitive, surface) in zip(solids, surfaces, strict=True):
+            if primitive == own[k]:
+                continue
+            source = ExactPoint.of(light.tolist())
+            line = Line(source, start - source) if primitive >= 0 else Line(start, source - start)
+            met = solid.first(line, 0.0, 1.0) is not None
+            assert met == judge.between([surface], place, light, parallel=False)
+
+
+def test_the_judge_finds_mistakes() -> None:
+    """And knows what is equal, what touches, and who owns an edge."""
+    two = [judge.Ball((0, 0, -5), 1.0), judge.Ball((0, 0, -6), 2.0)]
+    assert judge.first(two, (0, 0, 0), (0, 0, -1)) == (0, 4)
+    assert judge.first(two, (0, 0, 0), (0, 0, -1), 4) == (0, 6)
+    assert judge.first(two[:1], (1, 0, 0), (0, 0, -1)) == (0, 5)
+    assert judge.first(two[:1], (float(np.nextafter(1, 2)), 0, 0), (0, 0, -1))[0] == -1
+    square = [judge.Flat(((-1, -1, -1), (1, -1, -1), (1, 1, -1))), judge.Flat(((-1, -1, -1), (1, 1, -1), (-1, 1, -1)))]
+    assert [judge.first(square, (0, 0, 0), (x, 0, -1))[0] for x in (0, 1e-300, -1e-300)] == [0, 0, 1]
+    rod = judge.Rod((0, 0, -3), (0, 0, -2), 1.0)
+    assert judge.first([rod], (0, 0, 0), (0, 0, -1)) == (0, 2)
+    assert judge.first([rod], (1, 0, 0), (0, 0, -1)) == (0, 2)
+    assert judge.between(two, (0, 0, 0), (0, 0, -5), parallel=False)
+    assert not judge.between(two[:1], (0, 0, 0), (0, 0, -4), parallel=False)
+    assert judge.is_rounded(0.1, mpmath.mpf(1) / 10)
+    assert not judge.is_rounded(float(np.nextafter(0.1, 1)), mpmath.mpf(1) / 10)
+    with pytest.raises(AssertionError):
+        agree([(3, -1, two[0])], (3, -1, 4.5), (0, 0, 0), (0, 0, -1))
