@@ -37,8 +37,7 @@ def parser() -> argparse.ArgumentParser:
     """The command line."""
     p = Parser(
         prog="cltrace-bench",
-        description="Measure run time against error: cltrace in each precision, the textbook's tracer, and other "
-        "programs where they are installed.",
+        description="Measure run time against error: cltrace in each precision, and other programs where installed.",
         allow_abbrev=False,
     )
     p.add_argument("scenes", nargs="*", metavar="SCENE.xml", help="scenes to draw (default: a set of its own)")
@@ -66,17 +65,14 @@ def parser() -> argparse.ArgumentParser:
 
 def main(argv: list[str] | None = None) -> int:
     """Runs the command. Returns its exit status: 0 ok, 1 worse than before, 2 usage or scene, 3 device."""
-    return command(
-        "cltrace-bench", lambda: _run(parser().parse_args(argv)), interrupted="interrupted; what was measured is kept"
-    )
+    kept = "interrupted; what was measured is kept"
+    return command("cltrace-bench", lambda: _run(parser().parse_args(argv)), interrupted=kept)
 
 
 def _run(args: argparse.Namespace) -> int:
     chosen = args.scenes or args.size or args.precision or args.rounds or args.quick or args.stages
     if chosen and (args.counted or args.source or args.publish):
-        raise UsageError(
-            "--counted, --from and --publish go with no scenes, and no options that choose what to measure"
-        )
+        raise UsageError("--counted, --from and --publish go with no scenes and no choice of what to measure")
     plots = not (args.no_plots or args.counted)
     if plots and not importlib.util.find_spec("matplotlib"):
         raise UsageError("the plots need matplotlib: pip install 'cltrace[bench]', or say --no-plots")

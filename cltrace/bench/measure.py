@@ -89,11 +89,6 @@ class Point:
     note: str = ""
 
     @property
-    def key(self) -> tuple[object, ...]:
-        """By which the same is found in other results."""
-        return self.group, self.scene, tuple(self.size), self.label
-
-    @property
     def time(self) -> Spread:
         """Of a frame with its readback."""
         return Spread.of(self.frames)
@@ -108,11 +103,6 @@ class Wait:
     way: str
     version: str = ""
     seconds: list[float] = field(default_factory=list)
-
-    @property
-    def key(self) -> tuple[object, ...]:
-        """By which the same is found in other results."""
-        return self.scene, self.tracer, self.way
 
     @property
     def time(self) -> Spread:
@@ -218,9 +208,8 @@ def about(device: Device) -> dict[str, Any]:
 def sentence(about: dict[str, Any]) -> str:
     """Names machine, driver, day, commit, and the load."""
     which = f"cltrace {about['cltrace']}" + (f" ({about['commit']})" if about.get("commit") else "")
-    said = (
-        f"Measured on {about['date']} UTC with {which} on {about['cores']} cores of {about['cpu']}, {about['device']}."
-    )
+    where = f"{about['cores']} cores of {about['cpu']}, {about['device']}"
+    said = f"Measured on {about['date']} UTC with {which} on {where}."
     if "others" in about:
         said += f" Other processes {about['others']:.1%}, steal {about['steal']:.1%}."
     return said

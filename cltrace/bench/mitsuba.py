@@ -132,8 +132,7 @@ class Picture:
         color = dr.select(color < 1, color, 1)  # LLVM 15 does not compile dr.minimum()
         means = [dr.block_reduce(dr.ReduceOp.Add, channel, many) / many for channel in color]
         dr.eval(means)
-        found: NDArray[np.float32] = np.stack([channel.numpy() for channel in means], axis=1)
-        return found
+        return np.stack([channel.numpy() for channel in means], axis=1)
 
     def _seen(self, ray: Any) -> Any:
         mi, dr = self._mi, self._dr

@@ -73,8 +73,7 @@ def call(command: list[str], frames: int = 1) -> subprocess.CompletedProcess[str
 
 def in_camera_space(scene: Scene, points: Floats) -> Floats:
     """Points (n, 3), seen from the eye."""
-    moved: Floats = (points - np.array(scene.camera.position)) @ np.array(scene.camera.basis()).T
-    return moved
+    return np.asarray((points - np.array(scene.camera.position)) @ np.array(scene.camera.basis()).T)
 
 
 def triangles(scene: Scene) -> tuple[Floats, Floats, NDArray[np.int64]]:

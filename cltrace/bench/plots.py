@@ -70,10 +70,9 @@ def figures(results: Results, scheme: str = "") -> dict[str, Figure]:
             "antialiasing": antialiasing([point for point in points if point.level is not None], results),
             "growth": growth(points, results),
         }
-        found = {name: figure for name, figure in drawn.items() if figure}
-        for figure in found.values():
+        for figure in filter(None, drawn.values()):
             figure.draw_without_rendering()  # ticks are made now, in these colours
-    return found
+    return {name: figure for name, figure in drawn.items() if figure}
 
 
 def page(results: Results, width: float, height: float, title: str, foot: str, left_out: int) -> Figure:

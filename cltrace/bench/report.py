@@ -231,6 +231,11 @@ def _told(point: Point) -> str:
 WORSE = ("slower", "less right", "more work", "gone")
 
 
+def key_of(row: Point | Wait) -> tuple[object, ...]:
+    """By which the same is found in other results."""
+    return (row.scene, row.tracer, row.way) if isinstance(row, Wait) else (row.group, row.scene, row.size, row.label)
+
+
 def changes(old: Results, new: Results, tolerance: float) -> list[tuple[str, str]]:
     """All that has changed of what both have: its kind, and of what, from what to what.
 
@@ -244,7 +249,7 @@ def changes(old: Results, new: Results, tolerance: float) -> list[tuple[str, str
             found.append((more if now > before else less, f"{name}: {number(before, 3)} -> {number(now, 3)}"))
 
     for now in new.points:
-        before = next((point for point in old.points if point.key == now.key), None)
+        before = next((point for point in old.points if key_of(point) == key_of(now)), None)
         for of in ("differ", "rms", "wrong_ids", "t_ulp", "false_shadows", "leaks") if before else ():
             a, b = (getattr(p, of, getattr(p.errors, of, None)) for p in (before, now))  # type: ignore[union-attr]
             if a is not None and b is not None:
@@ -253,11 +258,11 @@ def changes(old: Results, new: Results, tolerance: float) -> list[tuple[str, str
     if all(old.about.get(name) == new.about.get(name) for name in ("cpu", "cores", "device")):
         before_rows: list[Point | Wait] = [*old.points, *old.waits]
         now_rows: list[Point | Wait] = [*new.points, *new.waits]
-        times = {row.key: row.time for row in before_rows}
+        times = {key_of(row): row.time for row in before_rows}
         for row in now_rows:
-            time, then = row.time, times.get(row.key)
+            time, then = row.time, times.get(key_of(row))
             if then and then.steady and time.steady and (time.low > then.high or then.low > time.high):
-                name = ", ".join(map(str, row.key))
+                name = ", ".join(map(str, key_of(row)))
                 compare(f"{name}, ms", 1e3 * then.median, 1e3 * time.median, "faster", "slower", tolerance)
     for scene in old.work if new.work else ():
         if scene not in new.work:
@@ -313,18 +318,6 @@ def block(published: Results, work: Work) -> str:
 
 def aged(old: Work, now: Work) -> str:
     """Says that the figures are older than the code, if a frame takes other work today; else nothing."""
-    changed = [
-        (now.get(scene, {}).get(name, 0) / count, scene, name)
-        for scene, counts in old.items()
-        for name, count in counts.items()
-        if now.get(scene, {}).get(name, 0) != count
-    ]
-    if not changed and old.keys() == now.keys():
-        return ""
-    text = (
-        f"the counted work of {sum(of != old.get(name) for name, of in now.items())} of {len(now)} scenes has changed"
-    )
-    if changed:
-        ratio, scene, name = max(changed, key=lambda of: max(of[0], 1 / of[0] if of[0] else math.inf))
-        text += f", most in {scene}, {name}, which is {number(ratio, 3)} times what it was"
-    return f"**These figures are older than the code**: {text}."
+    scenes = [scene for scene in dict.fromkeys([*old, *now]) if old.get(scene) != now.get(scene)]
+    text = f"the counted work of {len(scenes)} scenes has changed: {'; '.join(scenes)}."
+    return f"**These figures are older than the code**: {text}" if scenes else ""

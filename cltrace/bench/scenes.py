@@ -25,9 +25,8 @@ WHITE_LIGHTS = (cltrace.ambient_light((1, 1, 1)), cltrace.point_light((5, 8, 2))
 Task = Literal["frame", "samples", "cameras", "positions"]
 
 # Classes that others name; all of them are in CLASSES, below.
-ORDINARY, GROUND, FAR, SCALE, MILLION = (
-    "ordinary", "ground spheres", "far from the origin", "tiny and huge scales", "a million particles",
-)  # fmt: skip
+ORDINARY, MILLION = "ordinary", "a million particles"
+GROUND, FAR, SCALE = "ground spheres", "far from the origin", "tiny and huge scales"
 ANTIALIASED, GIVEN = "antialiased", "given"
 GROWTH_SPHERES, GROWTH_PIXELS = "growth with spheres", "growth with pixels"
 

@@ -86,8 +86,7 @@ def compare(got: Answer, want: Answer) -> Errors:
 def ulps(got: NDArray[np.floating], want: NDArray[np.floating]) -> NDArray[np.floating]:
     """Errors of distances, each rounded to float32, in ulp of float32."""
     near = got.astype(np.float32).astype(np.longdouble)
-    size: NDArray[np.floating] = np.abs(near - want) / np.spacing(want.astype(np.float32))
-    return size
+    return np.asarray(np.abs(near - want) / np.spacing(want.astype(np.float32)))
 
 
 def differ(picture: NDArray[np.uint8], levels: NDArray[Any]) -> float:

@@ -204,8 +204,5 @@ def test_the_page_says_what_its_results_say() -> None:
 def test_figures_that_are_older_than_the_code_are_marked() -> None:
     old = {"a": {"rays": 100, "tests": 10}, "b": {"rays": 7}}
     assert report.aged(old, old) == ""
-    text = report.aged(old, {"a": {"rays": 150, "tests": 11}, "b": {"rays": 7}, "c": {"rays": 1}})
-    assert text == (
-        "**These figures are older than the code**: the counted work of 2 of 3 scenes has changed, most in a, rays, "
-        "which is 1.50 times what it was."
-    )
+    text = report.aged(old, {"a": {"rays": 150, "tests": 10}, "b": {"rays": 7}, "c": {"rays": 1}})
+    assert text == "**These figures are older than the code**: the counted work of 2 scenes has changed: a; c."
