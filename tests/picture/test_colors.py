@@ -117,16 +117,6 @@ def test_a_map_without_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
     assert pair(values=[1, 2], cmap=table).materials["color"].tolist() == [[1, 0, 0], [0, 0, 1]]
 
 
-def test_an_updated_renderer_shows_other_values(device: Device) -> None:
-    values = np.arange(256)
-    renderer = cltrace.Renderer(unlit(256, values=values), device)
-    renderer.update(values=values[::-1], cmap="magma", clim=(0, 300))
-    fresh = unlit(256, values=values[::-1], cmap="magma", clim=(0, 300))
-    assert np.array_equal(renderer.render().rgb8, cltrace.render(fresh, device).rgb8)
-    with pytest.raises(ValueError, match=r"^values: must have shape \(256,\), got \(3,\)$"):
-        renderer.update(values=[1, 2, 3])
-
-
 def test_later_values_have_the_map_and_the_limits_of_those_before(device: Device) -> None:
     values = np.arange(256.0)
     scene = unlit(256, values=values, cmap="magma")  # whose limits are those of its values
@@ -208,13 +198,9 @@ def test_what_looks_like_bytes_or_alpha(colors: Any, words: str) -> None:
             {"colors": ["red", "bleu"]},
             "colors[1]: must be numbers, the name of a colour in CSS, or #rrggbb, got 'bleu'",
         ),
-        ({"colors": np.array(["bleu", "red"])}, "colors[0]: must be numbers, the name of a colour in CSS, or #rrggbb"),
         ({"colors": "#12345"}, "colors: must be numbers, the name of a colour in CSS, or #rrggbb, got '#12345'"),
         ({"colors": "#ff000080"}, "colors: must have no alpha, got '#ff000080'"),
-        ({"colors": ["red"] * 3}, "colors: must have shape (2, 3) or be one value, got (3, 3)"),
-        ({"background": "sky"}, "background: must be numbers, the name of a colour in CSS, or #rrggbb, got 'sky'"),
         ({"values": [1, np.nan]}, "values[1]: must not be nan, which has no colour; leave it out, or give colors"),
-        ({"values": [1, np.inf]}, "values[1]: must be a finite number, got inf"),
         ({"values": [1]}, "values: must have shape (2,), got (1,)"),
         ({"values": [[1, 2]]}, "values: must have shape (n,), got (1, 2)"),
         ({"values": [1, 2], "colors": "red"}, "values: must not be given together with colors"),
@@ -223,9 +209,7 @@ def test_what_looks_like_bytes_or_alpha(colors: Any, words: str) -> None:
         ({"values": [1, 2], "cmap": lambda t: t}, "cmap: must make (2, 3) or (2, 4) of uint8 or floats of 2 numbers"),
         ({"values": [1, 2], "cmap": [(0.5, 0, 7.0)]}, "cmap: must make colours within 0..1, or bytes"),
         ({"values": [1, 2], "clim": (2, 1)}, "clim: must be two rising numbers, got 2, 1"),
-        ({"values": [1, 2], "clim": 3}, "clim: must have shape (2,), got ()"),
         ({"clim": (0, 1)}, "clim: goes with values, which are not given"),
-        ({"cmap": "viridis"}, "cmap: goes with values, which are not given"),
     ],
 )
 def test_what_is_no_colour_is_said(given: dict[str, Any], message: str) -> None:

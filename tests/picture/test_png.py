@@ -32,23 +32,6 @@ def test_what_is_read_is_what_was_written(shape: tuple[int, ...]) -> None:
             assert np.array_equal(np.asarray(picture), wanted)
 
 
-def test_sixteen_bits() -> None:
-    """Decoded here, as Pillow keeps but eight bits of colours: filters add the pixel on the left, or the row above."""
-    pixels = np.random.default_rng(2).integers(0, 65536, (9, 13, 3)).astype(np.uint16)
-    data = written(pixels)
-    at = data.index(b"IDAT")
-    rows = np.frombuffer(zlib.decompress(data[at + 4 : at + 4 + struct.unpack(">I", data[at - 4 : at])[0]]), np.uint8)
-    rows = rows.reshape(9, -1)
-    assert rows[:, 0].tolist() == [1] + 8 * [2]
-    differences = rows[:, 1:].reshape(9, 13, 6).copy()
-    differences[0] = np.cumsum(differences[0], axis=0, dtype=np.uint8)
-    found = np.cumsum(differences, axis=0, dtype=np.uint8).reshape(9, 13, 3, 2).view(">u2")[..., 0]
-    assert np.array_equal(found, pixels)
-    grey = written(pixels[..., 0])
-    with Picture.open(io.BytesIO(grey)) as picture:
-        assert np.array_equal(np.asarray(picture), pixels[..., 0])
-
-
 def test_rows_may_come_in_any_pieces() -> None:
     """More than a chunk of compressed bytes, in pieces of one band and of many."""
     pixels = np.random.default_rng(4).integers(0, 256, (900, 700, 3), np.uint8)

@@ -221,28 +221,9 @@ def test_show_encodings(any_device: Device, tmp_path: Path) -> None:
     assert image._repr_png_().startswith(b"\x89PNG")
 
 
-def test_a_failed_save_keeps_the_old_picture(tmp_path: Path) -> None:
-    path = tmp_path / "x.png"
-    path.write_bytes(b"old")
-    with pytest.raises(ValueError, match="no depth"):
-        Image(rgb8=np.zeros((1, 1, 3), np.uint8)).save(path, "depth")
-    assert path.read_bytes() == b"old"
-    assert list(tmp_path.iterdir()) == [path]
-
-
 @pytest.mark.parametrize(
     ("path", "error", "message"),
     [
-        (
-            "x.bmp",
-            ValueError,
-            "path: the name of a picture must end in .png, .tif, .tiff, .jpg, .jpeg, .exr, .npy or .npz, got 'x.bmp'",
-        ),
-        (
-            "depth",
-            ValueError,
-            "path: the name of a picture must end in .png, .tif, .tiff, .jpg, .jpeg, .exr, .npy or .npz, got 'depth'",
-        ),
         ("x.png/", ValueError, "path: 'x.png/' is the name of a folder"),
         ("x.png/.", ValueError, "path: 'x.png/.' is the name of a folder"),
         ("a/b/x.png", FileNotFoundError, "path: there is no folder 'a/b'; mkdir() of a Path makes one"),
@@ -331,13 +312,10 @@ def test_python_in_a_checkout_finds_its_kernels(tmp_path: Path) -> None:
         ({"outputs": ()}, ValueError, "outputs: must be some of "),
         ({"outputs": ("heat",)}, ValueError, "outputs: must be some of "),
         ({"outputs": "id"}, ValueError, "outputs: must be a tuple, such as ('id',), got 'id'"),
-        ({"outputs": [["id"]]}, ValueError, "outputs: must be some of "),
-        ({"outputs": None}, ValueError, "outputs: must be some of "),
         ({"antialias": 10**400}, ValueError, "antialias: must be True or False, got 1000"),
         ({"truncate": "no"}, ValueError, "truncate: must be True or False, got 'no'"),
         ({"crop": 5}, ValueError, "crop: must be 4 whole numbers (x0, y0, x1, y1), got 5"),
         ({"crop": (True, 0, 2, 2)}, ValueError, "crop: must be 4 whole numbers (x0, y0, x1, y1), got (True, 0, 2, 2)"),
-        ({"crop": (0, 0, 1)}, ValueError, "crop: must be 4 whole numbers"),
         ({"crop": (0, 0, 1.5, 2)}, ValueError, "crop: must be 4 whole numbers"),
         ({"crop": (0, 0, 99, 2)}, ValueError, "crop: must be within 0,0,47,33 and not empty, got 0,0,99,2"),
     ],

@@ -211,7 +211,7 @@ def test_other_ellipsoids_in_the_same_places(device: Device, changed: str, refle
     flat, long = np.diag([1.0, 0.4, 0.7]), np.diag([0.3, 1.6, 1.2])
     values = spheres(12) | {"reflectance": reflectance}
     scene = Scene.from_spheres(CAMERA, LIGHTS, **values, transform=[flat, long] * 6)
-    other = scene._with(to_object=np.ascontiguousarray(scene.to_object.transpose(0, 2, 1) * (2.0, 1.0, 0.5)))
+    other = scene.changed(to_object=np.ascontiguousarray(scene.to_object.transpose(0, 2, 1) * (2.0, 1.0, 0.5)))
     if changed != "maps":
         columns = replace(scene.columns, to_object=scene.columns.to_object[::-1].copy())
         other = scene.with_fields(columns=columns)
@@ -265,18 +265,8 @@ def test_of_spheres_that_come_to_be_equal_the_first_is_seen(device: Device) -> N
             "colors: must be given, too, where there are 3 centers instead of 4",
         ),
         ({"radii": [1, 2, 3]}, ValueError, "radii: must have shape (4,) or be one value, got (3,)"),
-        ({"radii": 0}, ValueError, "radii: must be > 0, got 0"),
-        (
-            {"centers": [0.5] * 4, "radii": [(0, 0, 0)] * 4},
-            ValueError,
-            "centers: must have shape (n, 3), got (4,); radii",
-        ),
-        ({"centers": [(0, 0, np.nan)] * 4}, ValueError, "centers[0][2]: must be a finite number, got nan"),
-        ({"colors": np.full((4, 3), 7)}, ValueError, "colors: must be linear with 1 as full"),
         ({"colors": [(1, 1, 1), (1, 1, -1)] * 2}, ValueError, "colors[1][2]: must be >= 0, got -1"),
         ({"transmittance": 0.5, "index": 0}, ValueError, "index: must be > 0 where transmittance > 0, got 0"),
-        ({"index": 0}, ValueError, "index: must be > 0 where transmittance > 0, got 0"),
-        ({"ks": "1"}, ValueError, "ks: must be numbers, got '1'"),
         ({"colours": (1, 1, 1)}, TypeError, "Renderer.update() got an unexpected keyword argument 'colours'"),
     ],
 )
