@@ -24,8 +24,8 @@ from cltrace.plan.plan import Plan
 from cltrace.plan.request import Request
 from cltrace.plan.view import View
 from cltrace.plan.world import World
+from cltrace.run.executor import BOTH, FIRST, is_in_stages
 from cltrace.run.program import source
-from cltrace.run.undecided import BOTH, FIRST, is_in_stages
 
 ROOT = Path(__file__).parent.parent
 TABLE = ROOT / "tests" / "kernels" / "gpu_offline.json"
