@@ -38,7 +38,6 @@ static Hit closest_hit(const Scene *scene, const Ray ray, const int2 tile, Work 
             const int2 entry = scene->lists.entry[k];
             if (as_float(entry.y) > reach) break;
             fetch_entry(scene, -1, k + AHEAD);
-            fetch_material_of(scene, k + AHEAD);
             if (meet_surface(scene, ray, &line, entry.x, &hit, work)) reach = end_of_lists(scene, line, hit);
         }
     }

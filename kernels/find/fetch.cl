@@ -32,30 +32,3 @@ static void fetch_lists(const Scene *scene, const int light, INT cell) {
         ASK_SHAPE(scene->spheres, index, fetch_first(scene, light, index));
     }
 }
-
-/* The same for the materials of surfaces, which shading waits for where each has its own: which one an entry has, and
- * of a surface that some lanes hit, that itself. */
-static void fetch_material_of(const Scene *scene, const int k) {
-    if (FETCHES && HAS(WITH_SHADING)) FETCH(scene->material_of, scene->lists.entry[k].x);
-}
-
-static void fetch_material(const Scene *scene, const int index, const REAL_MASK hit) {
-    if (FETCHES && HAS(WITH_SHADING) && ANY(TO_MASK(hit))) FETCH(scene->material, scene->material_of[index]);
-}
-
-/* The same for the surfaces that each of the lanes has met. */
-static void fetch_surfaces(const Scene *scene, const INT index) {
-    if (!FETCHES) return;
-    int each[W];
-    STORE_LANES(index, each);
-    for (int lane = 0; lane < W; lane++) {
-        if (each[lane] < 0) continue;
-        ASK_SHAPE(scene->spheres, each[lane], fetch_hit(scene, each[lane]));
-        FETCH(scene->material_of, each[lane]);
-    }
-    for (int lane = 0; lane < W; lane++) {
-        if (each[lane] < 0) continue;
-        FETCH(scene->material, scene->material_of[each[lane]]);
-        FETCH(scene->bounce, scene->material_of[each[lane]]);
-    }
-}

@@ -278,7 +278,6 @@ static Gathered gather(const Frame frame, const Scene *scene, const Real3 d, Int
                 }
                 path = leaving(frame, scene->spheres, rays.own, rays.inner, rays.n, rays.q, rays.d);
                 met = closest_from(scene, &path, rays.live, (REAL)INFINITY, work);
-                fetch_surfaces(scene, met.id);
                 add_to(&all.sum, rays.live & (met.id < 0), rays.weight, background);
                 rays.live = rays.live & (met.id >= 0);
                 if (ANY(rays.live)) break;

@@ -9,10 +9,6 @@ static void cylinder_fetch_first(const Scene *scene, const int light, const int 
     FETCH(scene->rod_seen, 2 * (index - FIRST_CYLINDER(scene->spheres)));
 }
 
-static void cylinder_fetch_hit(const Scene *scene, const int index) {
-    FETCH(scene->spheres.rod, 2 * (index - FIRST_CYLINDER(scene->spheres)));
-}
-
 /* Leaves of the tree hold them as balls. */
 #define cylinder_fetch_leaf ball_fetch_leaf
 #define cylinder_add_leaf ball_add_leaf

@@ -76,7 +76,6 @@ static __attribute__((always_inline)) int sphere_take(const Scene *scene, const 
     if (ANY_LATE || line->found) nearer = closer(scene, ray, sphere, index, at.t, *hit);
     if (ANY_LATE) nearer = nearer_than_any(scene, ray, index, at.t, *hit, nearer);
     line->found = 1;
-    if (HAS(WITH_SHADING)) fetch_material(scene, index, nearer);
     hit->t = nearer ? at.t : hit->t;
     hit->id = TO_MASK(nearer) ? (INT)index : hit->id;
     PUT3(PUT_WHERE, nearer, hit->from_center, at.from_center);

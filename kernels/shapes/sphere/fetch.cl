@@ -11,12 +11,6 @@ static void sphere_fetch_first(const Scene *scene, const int light, const int in
     FETCH(scene->light_filter, (long)light * scene->count + index);
 }
 
-static void sphere_fetch_hit(const Scene *scene, const int index) {
-    FETCH(scene->spheres.place, index);
-    FETCH(scene->spheres.center_radius, index);
-    FETCH(scene->spheres.power, index);
-}
-
 /* Leaves of the tree hold them as balls. */
 #define sphere_fetch_leaf ball_fetch_leaf
 #define sphere_add_leaf ball_add_leaf

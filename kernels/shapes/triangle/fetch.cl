@@ -12,11 +12,6 @@ static void triangle_fetch_first(const Scene *scene, const int light, const int 
     FETCH(scene->light_facet, 3 * ((long)light * scene->triangles + (index - FIRST_TRIANGLE(scene->spheres))));
 }
 
-static void triangle_fetch_hit(const Scene *scene, const int index) {
-    FETCH(scene->spheres.face, index - FIRST_TRIANGLE(scene->spheres));
-    FETCH(scene->normal_face, index - FIRST_TRIANGLE(scene->spheres));
-}
-
 static void triangle_fetch_leaf(const Scene *scene, const int leaf) {
     __global const uchar *lines = (__global const uchar *)(scene->patch + (leaf - scene->tree.blocks));
     for (int line = 0; line < 6; line++) FETCH(lines, 64 * line);
