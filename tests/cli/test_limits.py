@@ -112,21 +112,7 @@ def test_meshes_named_again_are_refused_before_anything_is_made(tmp_path: Path) 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_each_limit_has_a_name() -> None:
-    """But for what no scene has, or what is about messages."""
-    named = {constant for constant, _ in limits.NAMES.values()}
-    others = {
-        "MAX_IMAGES",
-        "MAX_BOXES",
-        "MAX_PREFIXES",
-        "MAX_NAMESPACE",
-        "MAX_FAULTS",
-        "MAX_UNREADABLE",
-        "MAX_ROWS",
-        "ADDRESSES",
-    }
-    others |= {"FEW", "LISTS_SHARE", "PAIRS_BYTES", "SAMPLES_A_PICTURE"}
-    assert {name for name in vars(limits) if name.isupper()} - {"NAMES", "CHANGED"} == named | others
+def test_each_limit_is_in_the_docs() -> None:
     text = (ROOT / "docs/format.md").read_text("utf-8")
     assert all(re.search(rf"\b{name}\b", text[text.index("`--limit NAME") :]) for name in limits.NAMES)
     for name, (constant, most) in limits.NAMES.items():

@@ -74,11 +74,6 @@ def test_case(device: Device, precision: str, amount: int, case: Case) -> None:
     check_case(case, device, precision, amount)
 
 
-def test_the_catalogue_says_of_each_case_what_could_go_wrong() -> None:
-    for case in cases():
-        assert getattr(case.scenes, "func", case.scenes).__doc__, case
-
-
 # ------------------------------------------------------------------------------------------------ big, tiny, far away
 
 

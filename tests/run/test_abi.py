@@ -109,15 +109,6 @@ def test_a_macro_has_one_file_only() -> None:
     assert {name: files for name, files in homes.items() if len(files) > 1} == {}
 
 
-def test_constants_and_counters_of_the_table_are_used() -> None:
-    host = "\n".join(path.read_text("utf-8") for path in (ROOT / "cltrace").rglob("*.py") if path.name != "abi.py")
-    kernel = "\n".join(KERNELS.values())
-    for name in abi.CONSTANTS:
-        assert f'CONSTANTS["{name}"]' in host, name
-    for name in abi.COUNTERS:
-        assert re.search(rf"COUNT(_EACH)?\({name}, ", kernel), name
-
-
 def test_proofs_use_the_constants_of_the_code() -> None:
     """Where a comment derives something from a constant, it says so as [NAME = value]."""
     texts = [*KERNELS.values(), *(p.read_text("utf-8") for p in (ROOT / "cltrace").rglob("*.py"))]
@@ -156,10 +147,3 @@ def test_features_are_only_those_that_the_scene_needs() -> None:
     assert flags(cltrace.spot_light((0, 0, 0), (0, 0, -1), 10, 20), ks=0) == lit | {"SPOT"}
     assert flags(cltrace.point_light((0, 0, 0), color=(0, 0, 0))) == base
     assert flags(cltrace.point_light((0, 0, 0)), kd=0, ks=0) == base
-
-
-def test_the_reference_s_algorithm_is_its_eight_functions() -> None:
-    """kernels/trace.cl has functions of these names, too."""
-    text = (ROOT / "cltrace" / "reference" / "trace.py").read_text("utf-8")
-    names = "primary_ray closest_hit intersection_at cast_shadow_ray illuminate shade follow trace"
-    assert re.findall(r"^def (\w+)", text, re.MULTILINE) == names.split()

@@ -148,7 +148,7 @@ def test_doubles_that_are_not_there_are_refused(poor: Device) -> None:
 
 @pytest.mark.parametrize("doubles", [False], ids=["no doubles"])
 def test_what_is_simulated_is_so(poor: Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert program.source(program.SOURCES).count("rough") > 150
+    assert "rough" in program.source(program.SOURCES)
     monkeypatch.setattr(program, "source", lambda files: NO_DOUBLES + "__kernel void render(double x) {}")
     with pytest.raises(BuildError, match="double"):
         program.program(poor, [])

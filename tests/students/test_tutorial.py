@@ -52,12 +52,6 @@ def test_pictures_are_within_a_level(any_device: Device, name: str, monkeypatch:
     assert len(np.unique(right.reshape(-1, 3), axis=0)) > 3
 
 
-def test_it_can_be_read_in_an_hour() -> None:
-    lines = (ROOT / "scenes/tutorial.py").read_text("utf-8").splitlines()
-    assert len(lines) <= 300
-    assert max(map(len, lines)) <= 120
-
-
 def test_as_a_program(tmp_path: Path) -> None:
     """As its first lines say, from the folder of the project."""
     source = (ROOT / "scenes" / "minimal.xml").read_text("utf-8")
