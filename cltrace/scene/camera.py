@@ -152,22 +152,9 @@ class Camera(Pose):
         The scene's own camera does not matter: scene.seen_by(Camera.fit(scene)) is the scene as this one sees it.
         Raises ValueError, which names the argument, also where the scene has no surfaces.
         """
-        back = direction_of(view)
         share = checked_margin(margin)
-        size = scene.camera.resolution if resolution is None else resolution
-        origin = (0.0, 0.0, 0.0)
-        ahead: Vector = (-back[0], -back[1], -back[2])
-        camera = cls(
-            origin,
-            ahead,
-            up_for(back, up),
-            horizontal_fov=None,
-            resolution=size,
-            max_bounces=max_bounces,
-            square_pixels=square_pixels,
-            fov=fov,
-            fov_axis=fov_axis,
-        )
+        facing = _facing(scene, view, up, resolution) | {"max_bounces": max_bounces}
+        camera = cls(**facing, square_pixels=square_pixels, fov=fov, fov_axis=fov_axis)
         x, y, z = (np.array(axis) for axis in camera.basis())
         wide, high = (tangent * share for tangent in camera.image_plane())
         # From an eye E, a point p is within the right edge of the picture if (p - E).x <= -wide (p - E).z. So E.(x +
@@ -257,11 +244,8 @@ class Orthographic(Pose):
         Its plane is as far before the nearest surface as the picture is high. The arguments, and what is raised, are
         those of Camera.fit().
         """
-        back = direction_of(view)
         share = checked_margin(margin)
-        size = scene.camera.resolution if resolution is None else resolution
-        ahead: Vector = (-back[0], -back[1], -back[2])
-        camera = cls((0.0, 0.0, 0.0), ahead, up_for(back, up), height=1.0, resolution=size, max_bounces=max_bounces)
+        camera = cls(**_facing(scene, view, up, resolution), height=1.0, max_bounces=max_bounces)
         x, y, z = (np.array(axis) for axis in camera.basis())
         right, left, above, below, near, far = reaches_of(scene, (x, -x, y, -y, z, -z)).tolist()
         wide, high = camera.resolution
@@ -299,6 +283,13 @@ def _pose(
         "resolution": check_resolution(resolution),
         "max_bounces": int(max_bounces),
     }
+
+
+def _facing(scene: Fitted, view: str | ArrayLike, up: ArrayLike | None, resolution: Any) -> dict[str, Any]:
+    """Arguments of a camera at the origin that looks as one that is fitted to a scene will: see Camera.fit()."""
+    back = direction_of(view)
+    size = scene.camera.resolution if resolution is None else resolution
+    return {"lookat": tuple(-x for x in back), "up": up_for(back, up), "resolution": size}
 
 
 def _half_angle(

@@ -111,25 +111,15 @@ class Material(Frozen):
         index: float = 1.0,
         texture: Any = None,
     ) -> None:
-        given = {
-            "ka": kd if ka is None else ka,
-            "kd": kd,
-            "ks": ks,
-            "exponent": exponent,
-            "reflectance": reflectance,
-            "transmittance": transmittance,
-        }
-        values: dict[str, Any] = {
-            "color": vector("material.color", color_numbers("material.color", color), NOT_NEGATIVE)
-        }
-        check_not_bytes("material.color", values["color"], reflected=True)
-        for name, value in given.items():
-            source = "kd" if name == "ka" and ka is None else name
-            values[name] = float(checked(f"material.{source}", NOT_NEGATIVE, value, ()))
+        shown = vector("material.color", color_numbers("material.color", color), NOT_NEGATIVE)
+        check_not_bytes("material.color", shown, reflected=True)
+        given = {"kd": kd, "ks": ks, "exponent": exponent, "reflectance": reflectance, "transmittance": transmittance}
+        given |= {} if ka is None else {"ka": ka}
+        values = {name: float(checked(f"material.{name}", NOT_NEGATIVE, value, ())) for name, value in given.items()}
         number = checked("material.index", ANY, index, ())
         check_index("material.index", number, np.array(values["transmittance"]))
-        values |= {"index": float(number), "texture": None if texture is None else texels("material.texture", texture)}
-        self.__setstate__(values)
+        image = None if texture is None else texels("material.texture", texture)
+        self.__setstate__({"color": shown, "ka": values["kd"], **values, "index": float(number), "texture": image})
 
     def __repr__(self) -> str:
         image = None if self.texture is None else f"<{described(self.texture)}>"
