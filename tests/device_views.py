@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import cltrace
 from cltrace.plan.accel.grids import ONE_CELL_LEVEL
-from cltrace.plan.view import View
+from cltrace.plan.view import CameraView
 from cltrace.run.devices import Device
 from cltrace.run.pack.toolbox import Toolbox
 
@@ -34,7 +34,7 @@ class Gpu(Device):
     kind = property(lambda _: "gpu")  # type: ignore[assignment]
 
 
-def check_same_view(view: View, made: dict[str, cl.Buffer], tools: Toolbox, expected: View) -> None:
+def check_same_view(view: CameraView, made: dict[str, cl.Buffer], tools: Toolbox, expected: CameraView) -> None:
     """Asserts that a view, with the buffers that a device made for it, has the bits of numpy's, but for lists."""
     assert made.keys() | view.arrays.keys() == expected.arrays.keys()
     found = view.arrays | {name: read(made, name, tools, expected.arrays[name]) for name in made}
@@ -46,7 +46,7 @@ def check_same_view(view: View, made: dict[str, cl.Buffer], tools: Toolbox, expe
     assert (view.region, view.exponent) == (expected.region, expected.exponent)
 
 
-def made_lists(view: View, made: dict[str, cl.Buffer], tools: Toolbox) -> list[tuple[bytes, bytes, bytes]]:
+def made_lists(view: CameraView, made: dict[str, cl.Buffer], tools: Toolbox) -> list[tuple[bytes, bytes, bytes]]:
     """What lists_of() says of a view whose lists a device has made."""
     like = np.zeros(1, np.int32)
     return lists_of(view.arrays | {name: read(made, name, tools, like) for name in ("start", "entry")})

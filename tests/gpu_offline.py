@@ -22,8 +22,8 @@ import cltrace
 from cltrace.plan.abi import Precision
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Request
-from cltrace.plan.view import View
-from cltrace.plan.world import World
+from cltrace.plan.view import CameraView
+from cltrace.plan.world import ScenePacking
 from cltrace.run.executor import BOTH, FIRST, is_in_stages
 from cltrace.run.program import source
 
@@ -84,8 +84,8 @@ def programs() -> Iterator[Program]:
         precisions: tuple[Precision, ...] = ("single", "accurate")
         for precision in precisions:
             request = Request(precision, ("rgb8",))
-            world = World.of(scene, request)
-            plan = Plan.of(world, View.of(world, scene.camera, request), request)
+            world = ScenePacking.of(scene, request)
+            plan = Plan.of(world, CameraView.of(world, scene.camera, request), request)
             options = ("-DW=1", "-DRUN=1", *plan.options())
             if not is_in_stages(1, precision):
                 yield Program(f"{name}, {precision}", options)

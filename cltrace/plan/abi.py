@@ -177,7 +177,7 @@ COUNTERS = {
 LIGHT_KINDS = ("parallel", "point", "spot", "lambert")
 
 
-class Shape(NamedTuple):
+class ShapeRow(NamedTuple):
     """A row of SHAPES.
 
     flag: set if the scene has any; first: the index of its first one among all surfaces, and leaf: of its first leaf
@@ -203,15 +203,15 @@ TRAITS = {
 # named after it; kernels/shapes/dispatch.cl lists them. ASK_SHAPE() of the header calls that one of them which a
 # surface has.
 SHAPES = (
-    Shape("sphere", "WITH_SPHERES", first="0", leaf="0", traits=("ROUND", "FETCHED")),
-    Shape(
+    ShapeRow("sphere", "WITH_SPHERES", first="0", leaf="0", traits=("ROUND", "FETCHED")),
+    ShapeRow(
         "cylinder",
         "WITH_CYLINDERS",
         first="((spheres).first_rod)",
         leaf="0",
         traits=("ROUND", "FETCHED", "LATE", "PLACED"),
     ),
-    Shape(
+    ShapeRow(
         "triangle",
         "WITH_TRIANGLES",
         first="((spheres).first)",

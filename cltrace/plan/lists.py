@@ -8,13 +8,13 @@ import numpy as np
 
 from cltrace.base.errors import TooSlowError
 from cltrace.base.waiting import Stopwatch
-from cltrace.plan.accel.grids import CellGrid, Shadows, Window, picture_tiles, whole_grid
+from cltrace.plan.accel.grids import CellGrid, PictureWindow, Shadows, picture_tiles, whole_grid
 from cltrace.plan.accel.silhouettes import FINE_SLACK, SLACK, Discs, Silhouettes
 from cltrace.plan.lights import Lamp
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Mask
 from cltrace.plan.shapes.shape import Sights
-from cltrace.plan.world import World
+from cltrace.plan.world import ScenePacking
 
 # With at most so many spheres, a light has one list of all of them, and a bit for each.
 ONE_LIST = 16
@@ -30,7 +30,7 @@ class Grids:
     all grids have been taken.
     """
 
-    def __init__(self, world: World, sights: Sequence[Sights], lights: list[Lamp], request: Request) -> None:
+    def __init__(self, world: ScenePacking, sights: Sequence[Sights], lights: list[Lamp], request: Request) -> None:
         """sights: of all shapes, in the order of SHAPES; lights: m."""
         self._world, self._sights, self._lights, self._request = world, sights, lights, request
         self._slack = SLACK if request.precision == "single" else FINE_SLACK
@@ -45,7 +45,7 @@ class Grids:
         self.light_buffer = np.zeros((len(lights), 4), np.int32)
         self.skipped: dict[str, int] = {}
 
-    def made(self, window: Window) -> Iterator[CellGrid]:
+    def made(self, window: PictureWindow) -> Iterator[CellGrid]:
         """The grid of the tiles, then those of all light buffers. window: the picture's."""
         if "hidden" not in self._request.keep:
             for i, (first, shape) in enumerate(self._world.placed):
@@ -61,7 +61,7 @@ class Grids:
         """(n,): which of all surfaces a ray can meet from where these are seen, in the order of SHAPES."""
         return np.concatenate([there & one.met for there, one in zip(self._visible, seen, strict=True)])
 
-    def _tiles(self, window: Window) -> Iterator[CellGrid]:
+    def _tiles(self, window: PictureWindow) -> Iterator[CellGrid]:
         """The grid of the tiles. What is in it receives light."""
         eye = [sight.eye for sight in self._sights]
         among, shapes, total = self._among(eye), [eye[i] for i in self._shapes], self._total

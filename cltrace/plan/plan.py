@@ -1,6 +1,12 @@
-"""From a scene to what a device needs to draw it: World, View, Plan. numpy alone, picklable.
+"""From a scene to what a device needs to draw it: ScenePacking, CameraView, Plan. numpy alone, picklable.
 
-A World is what no camera changes. A View adds a camera and a part of its picture. A Plan adds the outputs.
+A ScenePacking is what no camera changes. A CameraView adds a camera and a part of its picture. A Plan adds the outputs,
+and says which parts of the kernel they need.
+
+Each light has lists of surfaces of its own, so that memory would grow with the members of soft lights. Instead, such a
+picture is drawn in passes: each makes the lists of a few lights, in the order of ScenePacking.lights, and adds what
+these give to the colours that it finds, as one pass over all of them would have done: no bit of a picture depends on
+it.
 """
 
 from __future__ import annotations
@@ -12,12 +18,105 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan import abi
-from cltrace.plan.dropping import limits
-from cltrace.plan.features import features
+from cltrace.plan.abi import SHAPES
+from cltrace.plan.lights import are_at_points, counts, kinds
+from cltrace.plan.materials import limits
 from cltrace.plan.request import LATTICES, Region, Request
-from cltrace.plan.view import View
-from cltrace.plan.world import World
-from cltrace.scene import Scene
+from cltrace.plan.view import CameraView
+from cltrace.plan.world import ScenePacking
+from cltrace.scene import AnyCamera, Scene
+
+# From so many spheres on, the kernel fetches them ahead. A million then take 0.85 of the time, 300,000 take 0.93 and
+# 100,000 take 0.96 of it. 30,000 would take the same time, and 1,000 would take 1.02 of it (PoCL 3.1, 1920x1080).
+PLENTY = 2**16
+# From so many surfaces times lights on, packets are rendered in blocks. 100,000 spheres with 4, 12 and 100 lights then
+# take 0.92, 0.8 and 0.88 of the time, and 10,000 with 12 and 100 take 0.95 and 0.78 of it (PoCL 3.1, 1280x720).
+VIEWS = 2**18
+# Up to so many surfaces, rays that leave one try all others. 16 then take 0.84 of the time that they take with a tree,
+# and 64 take the same (PoCL 3.1).
+FOREST = 32
+# Where these are kept, nobody asks on which triangles no shadow falls.
+KEPT = frozenset(("unstopped", "lists", "filter"))
+
+
+def features(world: ScenePacking, camera: AnyCamera, inside: bool, request: Request) -> frozenset[str]:
+    """The names of the flags that are set. inside: whether the eye is inside of a surface or on it."""
+    shading = request.needs_colors
+    full = "features" in request.keep
+    surfaces = len(world.id)
+    lights, at_points = counts(world.lights), bool(are_at_points(kinds(world.lights)).any())
+    inside = inside or world.bounces.glass or full
+    black = world.materials.black is not None and bool(world.materials.black.any())
+    lit = shading and (full or (len(world.lights) > 0 and surfaces > 0))
+    bounces = shading and world.bounces.any and surfaces > 0
+    splits = bounces and world.bounces.splits
+    pays = world.bounces.shrinks and world.bounces.fades(camera.max_bounces)
+    drops = splits and (pays or full) and "branches" not in request.keep
+    textures = shading and len(world.textures.place) > 0
+    sampled = shading and request.means
+    uv = textures or "uv" in request.outputs
+    bounded = request.precision != "single" and KEPT.isdisjoint(request.keep)
+    points = lit and (at_points or full) and bounded
+    needed = {"shape": True, "bounces": bounces, "points": points}
+    flags = {f"OUT_{name.upper()}": True for name in request.outputs}
+    flags |= {row.flag: len(shape.number) > 0 for row, shape in zip(SHAPES, world.shapes, strict=False)}
+    flags |= {flag: needed[reason] for shape in world.shapes for flag, reason in shape.flags.items()}
+    flags |= {
+        "WITH_FILTER": "filter" not in request.keep,
+        "WITH_INTERSECTION": shading or uv or "normal" in request.outputs,
+        "WITH_NORMAL": lit or bounces or uv or "normal" in request.outputs,
+        "WITH_UV": uv,
+        "WITH_TEXTURES": textures,
+        "WITH_INSIDE": inside,
+        "WITH_SHADING": shading,
+        "WITH_PARALLEL_RAYS": camera.parallel,
+        "WITH_LIGHTS": lit,
+        **{f"WITH_{kind.upper()}": lit and (number > 0 or full) for kind, number in lights.items()},
+        "WITH_SHADOWS": lit and (surfaces > 1 or inside),
+        "WITH_SPECULAR": lit and (world.materials.shiny or full),
+        "WITH_BLACK": lit and (black or full),
+        "WITH_PREFETCH": surfaces >= PLENTY,
+        "WITH_BLOCKS": sampled or (lit and surfaces * len(world.lights) >= VIEWS),
+        "WITH_LEAVING": bounces or any(shape.leave for shape in world.shapes),
+        "WITH_BOUNCES": bounces,
+        "WITH_GLASS": bounces and world.bounces.glass,
+        "WITH_SPLITS": splits,
+        "WITH_DROPPING": drops,
+        "WITH_CEILING": splits and (world.bounces.overgrows(camera.max_bounces) or full),
+        "PROVE_COLOR": drops and "color" in request.outputs and not request.means,
+        "WITH_TREE": bounces and surfaces > FOREST and "tree" not in request.keep,
+        "WITH_SAMPLES": sampled,
+        "WITH_CENTRES": sampled and not {"rgb8", "color", "error", "coverage"}.issuperset(request.outputs),
+        "KEEP_HIGHLIGHTS": lit and "highlights" in request.keep,
+        "KEEP_WEIGHTLESS": bounces and "weightless" in request.keep,
+    }
+    flags[SHAPES[0].flag] |= not surfaces  # without any, the kernel knows the first shape alone
+    return frozenset(name for name, wanted in flags.items() if wanted)
+
+
+# A pass has at most so many pairs of a surface and a light. A sphere and a light take 60 bytes: a filter constant, and
+# mostly two to four entries of lists. The first pass stays while others are made and drawn, one at a time: 64 lights of
+# a million spheres take 1.3 GB in all.
+PAIRS = 4_000_000
+# So many pairs, which take 1 GB, are still one pass, and their lists stay for the next frame.
+WHOLE = 2**24
+
+
+def passes_of(world: ScenePacking, request: Request) -> list[ScenePacking]:
+    """The worlds of a picture's passes, which differ in their lights: one alone if there are few, or none is soft.
+
+    There is one, too, where that would make other bits: where rays go on from surfaces, as the weights of what they see
+    are multiplied with the sum of all lights and rounded, and that sum tells which branches are dropped; and where
+    colours are means, as these are of sums that are clamped, and the sums tell how many rays a pixel has. So there is
+    where it is counted what is done for a pixel.
+    """
+    n, m = len(world.id), len(world.lights)
+    cut = world.soft and not world.bounces.any and not request.means and "shadow_rays" not in request.outputs
+    if not cut or not request.needs_colors or n * m <= WHOLE:
+        return [world]
+    step = max(1, PAIRS // n)
+    return [replace(world, lights=world.lights[i : i + step]) for i in range(0, m, step)]
+
 
 # What 95 of 100 means over N rays are off by at most, where a pixel's colours differ by 1, each in the worst of three
 # channels. Rays that know nothing of each other, as on a fine texture, are the worst case. These are quantiles where
@@ -32,7 +131,7 @@ class Plan:
     """A view and what is to be written of it: all that a device needs. numpy alone, and picklable.
 
     request: precision, outputs and crop; size: (width, height) of the whole picture in pixels; region, exponent,
-    arrays, skipped, seconds: of View; features: names of abi.FLAGS; branches: BRANCHES of abi.VALUES; values: the
+    arrays, skipped, seconds: of CameraView; features: names of abi.FLAGS; branches: BRANCHES of abi.VALUES; values: the
     kernel's arguments by name that are neither buffers nor outputs, but for those that only the launch knows.
     """
 
@@ -48,8 +147,8 @@ class Plan:
     seconds: dict[str, float]
 
     @classmethod
-    def of(cls, world: World, view: View, request: Request) -> Plan:
-        """The plan of a view, which may have some of the world's lights alone: that is a pass, see passes.py.
+    def of(cls, world: ScenePacking, view: CameraView, request: Request) -> Plan:
+        """The plan of a view, which may have some of the world's lights alone: that is a pass, see passes_of().
 
         request: the one that world and view were made for, or the same with other outputs.
         """
@@ -73,12 +172,12 @@ class Plan:
 
     @classmethod
     def of_scene(cls, scene: Scene, request: Request) -> Plan:
-        """World, View and Plan at once, for a scene that is seen by its own camera only.
+        """ScenePacking, CameraView and Plan at once, for a scene that is seen by its own camera only.
 
         Raises ValueError if the request's crop is not within the picture.
         """
-        world = World.of(scene, request)
-        return cls.of(world, View.of(world, scene.camera, request), request)
+        world = ScenePacking.of(scene, request)
+        return cls.of(world, CameraView.of(world, scene.camera, request), request)
 
     def counting(self) -> Plan:
         """The plan of a kernel that does all that this one's does, but writes only what it has counted."""
@@ -91,7 +190,7 @@ class Plan:
         return abi.options(self.request.precision, self.features, self.branches)
 
 
-def _frame(world: World, view: View, request: Request) -> dict[str, Any]:
+def _frame(world: ScenePacking, view: CameraView, request: Request) -> dict[str, Any]:
     """The fields of abi's `Frame`."""
     (x, y), (width, height) = view.camera.image_plane(), view.camera.resolution
     pixel = np.array([x / width, y / height, 0])

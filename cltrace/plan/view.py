@@ -1,4 +1,4 @@
-"""A View: a world as one camera sees it, in camera space, and the lists of what its rays can meet."""
+"""A CameraView: a world as one camera sees it, in camera space, and the lists of what its rays can meet."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import dtype_of, real_dtype
-from cltrace.plan.accel.grids import CellGrid, Window, build
+from cltrace.plan.accel.grids import CellGrid, PictureWindow, build
+from cltrace.plan.accel.tree import NO_PATHS
 from cltrace.plan.lights import Move, are_at_points, dim_highlights, kinds, lamp_places, lamps_of, pack_lights
 from cltrace.plan.lists import Grids
-from cltrace.plan.paths import NO_PATHS
 from cltrace.plan.request import Region, Request
 from cltrace.plan.rounding import Array
-from cltrace.plan.shapes.shape import Arrays, InView, Shape
-from cltrace.plan.space import exponent, in_camera_space
-from cltrace.plan.world import World, timed
+from cltrace.plan.shapes.shape import Arrays, InView, ShapePacking
+from cltrace.plan.shapes.sphere import exponent, in_camera_space
+from cltrace.plan.world import ScenePacking, timed
 from cltrace.scene import AnyCamera
 
 
 @dataclass(frozen=True)
-class View:
+class CameraView:
     """A world as one camera sees it.
 
     region: (x, y, width, height), the part of the picture that is wanted, in pixels; exponent: the kernel's depths are
     in units of 2^exponent scene units; arrays: the kernel's buffers by name, with the dtypes of abi.ARGUMENTS, none of
     them empty; values: those of its other arguments that depend on no output; inside: whether the eye is inside of a
-    sphere or on it; skipped: of World, and what this camera does not need; seconds: what took how long: "lists"; lit:
-    which of the arrays have rows for each light in turn.
+    sphere or on it; skipped: of ScenePacking, and what this camera does not need; seconds: what took how long: "lists";
+    lit: which of the arrays have rows for each light in turn.
     """
 
     camera: AnyCamera
@@ -45,7 +45,7 @@ class View:
     lit: frozenset[str] = frozenset()
 
     @classmethod
-    def of(cls, world: World, camera: AnyCamera, request: Request, methods: Methods | None = None) -> View:
+    def of(cls, world: ScenePacking, camera: AnyCamera, request: Request, methods: Methods | None = None) -> CameraView:
         """Moves the world into camera space, in more than double precision, and lists which surfaces a ray can meet.
 
         request: the one that the world was made for; methods: for what takes longest, None for numpy's. Raises
@@ -67,7 +67,7 @@ class View:
         seconds: dict[str, float] = {}
         with timed(seconds, "lists"):
             grids = Grids(world, sights, lights, request)
-            arrays |= lit | methods.build(grids.made(Window.of(camera, request, k)))
+            arrays |= lit | methods.build(grids.made(PictureWindow.of(camera, request, k)))
             arrays["light_buffer"] = grids.light_buffer
         if known:
             arrays |= known.before(arrays, base.arrays["light"], Move.of(known.camera, camera, base.values["unit"]))
@@ -80,7 +80,7 @@ class View:
             lit=frozenset(lit),
         )
 
-    def recolored(self, world: World, request: Request) -> View:
+    def recolored(self, world: ScenePacking, request: Request) -> CameraView:
         """The same view of a world that differs_in_materials() from the one that was seen."""
         brightest = world.materials.brightest * world.bounces.growth(self.camera.max_bounces)
         lights = self.arrays["light"].copy()
@@ -89,7 +89,7 @@ class View:
         return replace(self, arrays=self.arrays | _not_empty(arrays))
 
     @classmethod
-    def without_lists(cls, world: World, camera: AnyCamera, request: Request, k: int) -> View:
+    def without_lists(cls, world: ScenePacking, camera: AnyCamera, request: Request, k: int) -> CameraView:
         """All of a view but how surfaces are seen from the eye and the lights, and the lists of them.
 
         k: lengths in scene units, times 2^k, are in the float buffers' unit. Raises ValueError as of() does.
@@ -131,7 +131,7 @@ class View:
         return cls(camera, region, depths, _not_empty(arrays), values, False, dict(world.skipped), {})
 
 
-def exponent_of(world: World, camera: AnyCamera, lengths: Sequence[Array], least: float = 0.0) -> int:
+def exponent_of(world: ScenePacking, camera: AnyCamera, lengths: Sequence[Array], least: float = 0.0) -> int:
     """The k for which 2^k times the largest length of a view is in [1/2, 1).
 
     lengths: coordinates and radii of surfaces, in camera space; least: the largest one of those that are not there.
@@ -141,8 +141,8 @@ def exponent_of(world: World, camera: AnyCamera, lengths: Sequence[Array], least
     return exponent([*lengths, points], max(plane, least))
 
 
-def packed_lights(world: World, camera: AnyCamera, request: Request, k: int) -> NDArray[np.void]:
-    """The world's lights as pack_lights() makes them. k: see View.without_lists()."""
+def packed_lights(world: ScenePacking, camera: AnyCamera, request: Request, k: int) -> NDArray[np.void]:
+    """The world's lights as pack_lights() makes them. k: see CameraView.without_lists()."""
     place = in_camera_space(camera, world.lights["position"]) * (2.0**k if request.precision == "single" else 1)
     brightest = world.materials.brightest * world.bounces.growth(camera.max_bounces)
     return pack_lights(
@@ -150,7 +150,7 @@ def packed_lights(world: World, camera: AnyCamera, request: Request, k: int) -> 
     )
 
 
-def _shades(world: World) -> Arrays:
+def _shades(world: ScenePacking) -> Arrays:
     """The buffers of materials."""
     return {"material_of": world.material_of, "material": world.materials.packed, "bounce": world.materials.bounce}
 
@@ -161,7 +161,7 @@ def _not_empty(arrays: Arrays) -> Arrays:
 
 
 @dataclass(frozen=True)
-class Known:
+class KeptLights:
     """What the first lights of a world see, parallel ones, which cameras have in common.
 
     camera, light: that of which it was made, and their records; lit: of Sights; grids: how many they have;
@@ -186,12 +186,12 @@ class Known:
 
 
 class Methods(NamedTuple):
-    """How View.of() makes what takes longest. Arrays that are kept elsewhere, their dicts lack.
+    """How CameraView.of() makes what takes longest. Arrays that are kept elsewhere, their dicts lack.
 
     in_view: what Shape.in_view() makes; build: makes the lists of grids, see Lists, and adds those that are known. Each
     grid is made when it is asked for. known: what is known where lengths in scene units are multiplied by 2^k.
     """
 
-    in_view: Callable[[Shape, AnyCamera, int], InView]
+    in_view: Callable[[ShapePacking, AnyCamera, int], InView]
     build: Callable[[Iterator[CellGrid]], Arrays]
-    known: Callable[[int], Known | None] = lambda k: None
+    known: Callable[[int], KeptLights | None] = lambda k: None

@@ -1,4 +1,4 @@
-"""A World: what no camera changes of a scene, as arrays in the order in which they are packed."""
+"""A ScenePacking: what no camera changes of a scene, as arrays in the order in which they are packed."""
 
 from __future__ import annotations
 
@@ -15,23 +15,26 @@ from numpy.typing import NDArray
 
 from cltrace.base.arrays import joined
 from cltrace.base.limits import LISTS_SHARE, MAX_SECONDS, PAIRS_BYTES
-from cltrace.plan.bounces import NO_BOUNCES, Bounces
-from cltrace.plan.dropping import brightest
+from cltrace.plan.accel.tree import Paths
 from cltrace.plan.lights import useful_lights
-from cltrace.plan.materials import Materials
-from cltrace.plan.paths import Paths
+from cltrace.plan.materials import NO_BOUNCES, NO_TEXTURES, Bounces, Materials, Textures, brightest
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array, Ints, Mask
-from cltrace.plan.shapes.shape import Shape, share
-from cltrace.plan.shapes.table import SHAPES
-from cltrace.plan.textures import NO_TEXTURES, Textures
+from cltrace.plan.shapes.cylinder import CylinderPacking
+from cltrace.plan.shapes.mesh import MeshPacking
+from cltrace.plan.shapes.shape import ShapePacking, share
+from cltrace.plan.shapes.sphere import SpherePacking
 from cltrace.scene import AMBIENT, Scene, Vector
 
 S = TypeVar("S")
 
+# A row for each shape. Surfaces are in this order wherever there is one list of all of them. Triangles are last, as the
+# kernel, and what is held on a device, tell them by the first one's index.
+SHAPES: tuple[type[ShapePacking], ...] = (SpherePacking, CylinderPacking, MeshPacking)
+
 
 @dataclass(frozen=True)
-class World:
+class ScenePacking:
     """What no camera changes: n surfaces, their materials and the lights, for one precision.
 
     shapes: the surfaces of each of SHAPES, in that order; id: (n,), the number of each one in the scene, where a
@@ -43,7 +46,7 @@ class World:
     how often; seconds: what took how long: "tree".
     """
 
-    shapes: tuple[Shape, ...]
+    shapes: tuple[ShapePacking, ...]
     id: Ints
     material_of: Ints
     materials: Materials
@@ -63,7 +66,7 @@ class World:
         return next(shape for shape in self.shapes if isinstance(shape, kind))
 
     @property
-    def placed(self) -> Iterator[tuple[int, Shape]]:
+    def placed(self) -> Iterator[tuple[int, ShapePacking]]:
         """The index of each shape's first surface, and the shape."""
         return zip(accumulate((len(shape.number) for shape in self.shapes), initial=0), self.shapes, strict=False)
 
@@ -74,7 +77,7 @@ class World:
         return np.asarray(bounce[self.material_of, 1] == 0) if len(bounce) else np.ones(len(self.id), bool)
 
     @classmethod
-    def of(cls, scene: Scene, request: Request, before: Before | None = None) -> World:
+    def of(cls, scene: Scene, request: Request, before: Before | None = None) -> ScenePacking:
         """The world of a scene. Many surfaces are sorted by place, so that neighbours are near each other in memory.
 
         before: a world of another scene with as many meshes, for the same request; it says what is kept, which besides
@@ -120,8 +123,9 @@ class World:
             seconds=seconds,
         )
 
-    def differs_in_materials(self, other: World) -> bool:
-        """Whether all that a View shows of one is what it shows of the other, but for colours and coefficients."""
+    def differs_in_materials(self, other: ScenePacking) -> bool:
+        """Whether all that a CameraView shows of one is what it shows of the other, but for colours and
+        coefficients."""
         return (
             all(one is another for one, another in zip(self.shapes, other.shapes, strict=True))
             and self.id is other.id
@@ -141,15 +145,16 @@ class Before(NamedTuple):
     """
 
     scene: Scene
-    world: World
+    world: ScenePacking
 
 
 def _materials(
-    scene: Scene, request: Request, shapes: tuple[Shape, ...], before: Before | None
+    scene: Scene, request: Request, shapes: tuple[ShapePacking, ...], before: Before | None
 ) -> tuple[Materials, Ints]:
     """The materials, and the index of that of each surface.
 
-    Where most spheres have a material of their own, those are in the spheres' order, too. before: see World.of().
+    Where most spheres have a material of their own, those are in the spheres' order, too. before: see
+    ScenePacking.of().
     """
     if before and share(before.scene, scene, "columns.shade", "columns.material", "columns.rest"):
         world = before.world

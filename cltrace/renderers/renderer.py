@@ -20,14 +20,13 @@ from cltrace.picture.composition import Composition
 from cltrace.picture.effects import Effects, Shares
 from cltrace.picture.image import Image, Output
 from cltrace.plan.abi import Precision
-from cltrace.plan.passes import passes_of
-from cltrace.plan.plan import Plan
-from cltrace.plan.precision import precision_for
+from cltrace.plan.materials import precision_for
+from cltrace.plan.plan import Plan, passes_of
 from cltrace.plan.request import WIDTHS, Crop, Keep, Region, Request, is_whole
-from cltrace.plan.view import View
-from cltrace.plan.world import Before, World
+from cltrace.plan.view import CameraView
+from cltrace.plan.world import Before, ScenePacking
 from cltrace.run.devices import Device, check_process, choose, driver_errors
-from cltrace.run.executor import Executor, Frame, Made, bytes_a_pixel
+from cltrace.run.executor import Executor, FrameBuffers, Made, bytes_a_pixel
 from cltrace.run.pack.packers import Packer, loading, packer_of
 from cltrace.run.trial import check_driver
 from cltrace.scene import AnyCamera, Scene, share_all_but_camera, with_spheres
@@ -88,8 +87,8 @@ class _Prepared:
     settings: _Settings
     scene: Scene
     request: Request
-    world: World
-    view: View
+    world: ScenePacking
+    view: CameraView
     made: dict[str, Any]
     packer: Packer
     plan: Plan
@@ -103,7 +102,7 @@ class _Prepared:
         settings: _Settings,
         scene: Scene,
         request: Request,
-        world: World,
+        world: ScenePacking,
         start: float,
         before: _Prepared | None = None,
     ) -> _Prepared:
@@ -122,7 +121,7 @@ class _Prepared:
         plan = Plan.of(world, view, request)
         packed = time.perf_counter() - start
 
-        def further(some: World) -> Made:
+        def further(some: ScenePacking) -> Made:
             """The plan of the pass that adds the lights of `some`, and its buffers."""
             view, made = packer.view(some, scene.camera, keep=False)
             return Plan.of(world, view, request), made
@@ -141,9 +140,9 @@ class _Prepared:
         """The same of another scene, or with another crop.
 
         What is shared: the world, if all but the camera is the same object, and else, for the same outputs, what
-        World.of() finds in it. The view: see view_of(), for the same request, which differs from that of the plan after
-        rows(). The packer: for the same request, while it fits. Buffers of arrays that are the same objects. What is
-        known of triangles of the same world. start: see of().
+        ScenePacking.of() finds in it. The view: see view_of(), for the same request, which differs from that of the
+        plan after rows(). The packer: for the same request, while it fits. Buffers of arrays that are the same objects.
+        What is known of triangles of the same world. start: see of().
         """
         shared, old = share_all_but_camera(self.scene, scene), self.scene
         if not shared or scene.camera.max_bounces != old.camera.max_bounces:
@@ -152,10 +151,10 @@ class _Prepared:
         if not same or not shared:
             alike = (len(old.meshes), bool(old.textures)) == (len(scene.meshes), bool(scene.textures))
             alike = alike and same and request.outputs == self.request.outputs
-            world = World.of(scene, request, Before(old, world) if alike else None)
+            world = ScenePacking.of(scene, request, Before(old, world) if alike else None)
         return _Prepared.of(self.settings, scene, request, world, start, self)
 
-    def view_of(self, world: World, camera: AnyCamera) -> View | None:
+    def view_of(self, world: ScenePacking, camera: AnyCamera) -> CameraView | None:
         """This one's view if it is that of a world and a camera, but for materials; else None."""
         if camera != self.scene.camera:
             return None
@@ -274,7 +273,7 @@ class Renderer:
         check_driver(at, settings.width)
         start = time.perf_counter()
         wait = loading(scene, request, at)
-        world = World.of(scene, request)
+        world = ScenePacking.of(scene, request)
         wait()
         self._lock, self._now = threading.Lock(), _Prepared.of(settings, scene, request, world, start)
 
@@ -478,7 +477,9 @@ class Renderer:
         """Has a draw() of another thread call its `drawn` soon; if there is none, the next one."""
         self._executor.stop()
 
-    def _image(self, arrays: dict[str, NDArray[Any]], seconds: dict[str, float], frame: Frame | None = None) -> Image:
+    def _image(
+        self, arrays: dict[str, NDArray[Any]], seconds: dict[str, float], frame: FrameBuffers | None = None
+    ) -> Image:
         """An Image of what the kernel has written."""
         now = self._now
         written = now.composition.with_effects(arrays, now.shares()) if now.probe else arrays

@@ -21,8 +21,7 @@ from cltrace.plan.abi import CONSTANTS, COUNTERS, OUTPUTS, Argument, Precision, 
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import WIDTHS, Region
 from cltrace.run.devices import Device, check_sizes, driver_errors
-from cltrace.run.kernel_arguments import BUFFER, argument, dtypes_of
-from cltrace.run.program import Kernel, context_of, program
+from cltrace.run.program import BUFFER, Kernel, argument, context_of, dtypes_of, program
 from cltrace.run.unstoppable import Unstoppable
 
 
@@ -158,7 +157,7 @@ class Undecided:
 
 
 @dataclass(eq=False)
-class Frame:
+class FrameBuffers:
     """Room for the outputs of one frame, which are whole packets.
 
     owner: the `room` of the executor that made it; width, height: in pixels; arrays: on the host, by the outputs'
@@ -234,7 +233,7 @@ class Executor:
     plan: its arrays are not to change; width: pixels in a packet, one of WIDTHS; region: x, y, width, height of what is
     rendered, in pixels; built: the kernel; buffers, values: its arguments that no launch changes; last, watch: to stop
     it, and to know how long drawing takes; limited: the region that one limit of seconds is for; further: what makes
-    each of the passes that follow this one, with the same features and outputs, see plan/passes.py; started: whether
+    each of the passes that follow this one, with the same features and outputs, see plan/plan.py; started: whether
     this is one of those; unstoppable: what is known of triangles, None where nothing is asked; room: owns the frames
     that it draws into; seconds: what "build" and "upload" took. For one thread at a time.
     """
@@ -319,7 +318,7 @@ class Executor:
         """A frame has it, too, as no packet may be in two tiles."""
         return margin_of(self.region)
 
-    def frame(self) -> Frame:
+    def frame(self) -> FrameBuffers:
         """Room for one frame. Its arrays hold nothing yet."""
         columns, rows = self.packet.columns, self.packet.rows
         wide, high = (n + margin for n, margin in zip(self.region[2:], self._margin, strict=True))
@@ -340,9 +339,9 @@ class Executor:
         if "WITH_PASSES" in self.plan.features:
             size = height * width * dtype_of("shade4", precision).itemsize
             buffers["so_far"] = cl.Buffer(self.queue.context, cl.mem_flags.READ_WRITE, size)
-        return Frame(self.room, width=width, height=height, arrays=arrays, buffers=buffers)
+        return FrameBuffers(self.room, width=width, height=height, arrays=arrays, buffers=buffers)
 
-    def draw(self, frame: Frame, drawn: Callable[[int], object] = lambda rows: None) -> None:
+    def draw(self, frame: FrameBuffers, drawn: Callable[[int], object] = lambda rows: None) -> None:
         """Renders the region, in strips, and in each pass the same ones.
 
         A strip that takes too long makes the next one smaller, and one that takes little time makes it larger. The next
@@ -382,7 +381,7 @@ class Executor:
             )
             del made, buffers
 
-    def _strips(self, frame: Frame) -> Iterator[range]:
+    def _strips(self, frame: FrameBuffers) -> Iterator[range]:
         """The rows of a frame in strips, each as large as the time that the last one took allows."""
         most = max(64, STRIP // frame.width // 64 * 64)
         rows = range(self.region[3] + self._margin[1])
@@ -391,7 +390,7 @@ class Executor:
             yield rows[:size]
             rows = rows[size:]
 
-    def _draw(self, frame: Frame, strips: Iterable[range], drawn: Callable[[int], object]) -> list[range]:
+    def _draw(self, frame: FrameBuffers, strips: Iterable[range], drawn: Callable[[int], object]) -> list[range]:
         """Renders these strips in one pass, and returns them."""
         if self.unstoppable:
             self.unstoppable.find(self.queue, self.buffers)
@@ -416,7 +415,7 @@ class Executor:
         """Has a draw() of another thread call its `drawn` soon; if there is none, the next one."""
         self.last.stop()
 
-    def read(self, frame: Frame) -> dict[str, NDArray[Any]]:
+    def read(self, frame: FrameBuffers) -> dict[str, NDArray[Any]]:
         """The outputs by name, as host arrays of exactly the region's size, (h, w) or (h, w, channels).
 
         The dtypes are those of abi.OUTPUTS, but depth is float64, in scene units. The arrays are views of the frame's,
@@ -473,7 +472,7 @@ class Executor:
             self.packet.group, lambda: small._launch(kernel, small.frame(), (0, 0, 0, 0), row=0, rows=1)
         )
 
-    def _render(self, frame: Frame, region: Region, row: int, rows: int) -> None:
+    def _render(self, frame: FrameBuffers, region: Region, row: int, rows: int) -> None:
         """Starts the kernel for `rows` rows of a region from `row` on, and what draws the pixels that it leaves."""
         self._launch(self.built.kernel, frame, region, row=row, rows=rows)
         if self.built.undecided and self.built.undecided.any() and not self.last.stopped:
@@ -484,7 +483,7 @@ class Executor:
         if self.device.kind == "cpu":
             self._map(frame)
 
-    def _map(self, frame: Frame) -> None:
+    def _map(self, frame: FrameBuffers) -> None:
         """Has the frame's arrays hold what the kernel writes, once all of the queue is done.
 
         To wait for this alone took 0.06 ms, a quarter of a thumbnail's frame.
@@ -551,7 +550,7 @@ class Executor:
             block = CONSTANTS["SAMPLED_ROWS"] if "WITH_SAMPLES" in features else CONSTANTS["BLOCK_ROWS"]
         return block * self.packet.rows
 
-    def _launch(self, kernel: Kernel, frame: Frame, region: Region, row: int, rows: int) -> Any:
+    def _launch(self, kernel: Kernel, frame: FrameBuffers, region: Region, row: int, rows: int) -> Any:
         """Starts a kernel for `rows` rows of a region from `row` on. Returns its event."""
         columns, lines = self.packet.run * self.packet.columns, self._lines
         packets = (-(-frame.width // columns), -(-rows // lines))

@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 from cltrace.base.arrays import joined
 from cltrace.base.waiting import Announcement
 from cltrace.plan import abi
-from cltrace.plan.paths import Paths
+from cltrace.plan.accel.tree import Paths
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array, Ints
-from cltrace.plan.shapes.table import SHAPES
+from cltrace.plan.world import SHAPES
 from cltrace.run.devices import Device, check_sizes, driver_errors
-from cltrace.run.kernel_arguments import BUFFER, NamedKernel
-from cltrace.run.program import SOURCES, context_of, program
+from cltrace.run.program import BUFFER, SOURCES, NamedKernel, context_of, program
 from cltrace.scene import Scene
 
 FILES = (*SOURCES[: SOURCES.index("find/tree.cl") + 1], "rays.cl")

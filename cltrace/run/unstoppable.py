@@ -15,8 +15,7 @@ from cltrace.plan import abi
 from cltrace.plan.lights import are_at_points
 from cltrace.plan.plan import Plan
 from cltrace.run.devices import Device
-from cltrace.run.kernel_arguments import NamedKernel, parameters_of
-from cltrace.run.program import UNSTOPPABLE, program, source
+from cltrace.run.program import UNSTOPPABLE, NamedKernel, parameters_of, program, source
 
 # It takes as long as it saves in six pixels for each entry of the lists: 15 to 30 ms of a processor's time for 100,000
 # triangles, of which each frame then takes 10 to 14 less (PoCL 3.1, 1920x1080). Nobody knows how many frames there

@@ -9,8 +9,7 @@ import pyopencl as cl
 import pytest
 
 from cltrace.plan import abi
-from cltrace.plan.attributes import Attributes
-from cltrace.plan.shapes.triangle import Triangles
+from cltrace.plan.shapes.mesh import CornerAttributes, PackedTriangles
 from cltrace.run import program
 from cltrace.run.devices import Device
 from cltrace.scene import Geometry, PlacedMesh
@@ -68,16 +67,16 @@ def placed(random: np.random.Generator) -> tuple[PlacedMesh, ...]:
 
 def test_what_meshes_share_is_there_once() -> None:
     meshes = placed(np.random.default_rng(0))
-    triangles = Triangles.of(meshes, False, once=False)
-    at = Attributes.of(meshes, triangles, "accurate", True)
+    triangles = PackedTriangles.of(meshes, False, once=False)
+    at = CornerAttributes.of(meshes, triangles, "accurate", True)
     assert (at.corner_normal.shape, at.corner_uv.shape) == ((11, 4), (10, 2))
     assert at.normal_face.shape == at.uv_face.shape == (30, 4)
     assert np.array_equal(at.normal_face[:7, :3], at.normal_face[18:25, :3])
     assert at.normal_face[:, 3].tolist() == [0] * 7 + [-1, 1, 1] * 3 + [-1, 1] + [2] * 7 + [-1] * 5
     assert at.uv_face[:, 3].tolist() == [0] * 7 + [-1] * 11 + [2] * 7 + [3, -1, 3, 3, -1]
     assert np.array_equal(at.corner_normal[:5, :3], meshes[0].geometry.normals)
-    assert 0.5 <= np.abs(Attributes.of(meshes, triangles, "single", True).corner_normal[:5]).max() < 1
-    bare = Attributes.of(meshes, triangles, "accurate", False)
+    assert 0.5 <= np.abs(CornerAttributes.of(meshes, triangles, "single", True).corner_normal[:5]).max() < 1
+    bare = CornerAttributes.of(meshes, triangles, "accurate", False)
     assert len(bare.corner_uv) == len(bare.uv_face) == 0
 
 
@@ -109,8 +108,8 @@ def test_what_is_between_corners(device: Device, precision: abi.Precision, bound
     vertex = np.zeros((4 * len(corners), 4))
     vertex.reshape(-1, 4, 4)[:, :3, :3] = corners
     face[:, 3] = 2 * mesh_of + random.integers(0, 2, len(mesh_of))
-    triangles = Triangles(vertex, face, number_of, mesh_of, mesh_of)
-    at = Attributes.of(meshes, triangles, precision, True)
+    triangles = PackedTriangles(vertex, face, number_of, mesh_of, mesh_of)
+    at = CornerAttributes.of(meshes, triangles, precision, True)
     arrays = which, weights.T.astype(real), vertex.astype(real), face, *at.arrays().values()
     features = frozenset(
         {

@@ -10,7 +10,7 @@ from random_scenes import fuzzed_scene
 
 import cltrace
 from cltrace import Camera, Renderer, Scene
-from cltrace.plan.precision import precision_for
+from cltrace.plan.materials import precision_for
 from cltrace.run.devices import Device
 
 CAMERA = Camera((0, 0, 4), (0, 0, 0), horizontal_fov=40, resolution=(24, 18))

@@ -12,9 +12,9 @@ from soft_lights import table
 
 import cltrace
 from cltrace.picture.image import Output
-from cltrace.plan import passes
+from cltrace.plan import plan
 from cltrace.plan.request import Request
-from cltrace.plan.world import World
+from cltrace.plan.world import ScenePacking
 from cltrace.scene import Scene
 from cltrace.students.check import check
 from cltrace.students.lit import lighting
@@ -212,8 +212,8 @@ def test_lattices_are_nearer_than_random_directions() -> None:
 @pytest.fixture
 def few_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """Seven lights of a crowd in each pass."""
-    monkeypatch.setattr(passes, "WHOLE", 0)
-    monkeypatch.setattr(passes, "PAIRS", 61 * 7)
+    monkeypatch.setattr(plan, "WHOLE", 0)
+    monkeypatch.setattr(plan, "PAIRS", 61 * 7)
 
 
 @pytest.mark.slow
@@ -226,7 +226,7 @@ def test_no_bit_depends_on_how_many_lights_are_added_at_once(
     assert "WITH_PASSES" in renderer.plan.features
     few = renderer.render()
     again = renderer.render()
-    monkeypatch.setattr(passes, "WHOLE", 2**24)
+    monkeypatch.setattr(plan, "WHOLE", 2**24)
     whole = cltrace.Renderer(scene, precision=precision, outputs=OUTPUTS)
     assert "WITH_PASSES" not in whole.plan.features
     image = whole.render()
@@ -248,7 +248,7 @@ def test_passes_draw_parts_and_updates(monkeypatch: pytest.MonkeyPatch) -> None:
     renderer.update(colors=(0.2, 0.4, 0.6))
     assert (renderer.render().rgb8 == cltrace.render(renderer.scene).rgb8).all()
     work = renderer.work()
-    monkeypatch.setattr(passes, "WHOLE", 2**24)
+    monkeypatch.setattr(plan, "WHOLE", 2**24)
     for kind in ("shadow rays traced", "highlights computed"):
         assert work[kind] == cltrace.Renderer(renderer.scene).work()[kind] > 0
 
@@ -279,4 +279,4 @@ def test_what_is_no_sum_over_lights_is_one_pass() -> None:
         (soft, Request(outputs=("id",)), False),
         (points, Request(), False),
     ):
-        assert (len(passes.passes_of(World.of(scene, request), request)) > 1) == more, request
+        assert (len(plan.passes_of(ScenePacking.of(scene, request), request)) > 1) == more, request

@@ -16,9 +16,9 @@ from conftest import world
 import cltrace
 from cltrace import Camera, Renderer, Scene
 from cltrace.plan import abi
+from cltrace.plan.materials import Textures
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Request
-from cltrace.plan.textures import Textures
 from cltrace.reference import Intersection
 from cltrace.reference.trace import primary_ray, trace
 from cltrace.run import program

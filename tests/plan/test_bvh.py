@@ -13,9 +13,8 @@ import pytest
 from numpy.typing import NDArray
 
 from cltrace.base.arithmetic import two_sum
-from cltrace.plan.accel import bvh
-from cltrace.plan.accel.bvh import Balls, Faces, Tree, build_tree
-from cltrace.plan.paths import Paths
+from cltrace.plan.accel import tree as boxes
+from cltrace.plan.accel.tree import Balls, BoxTree, Faces, Paths, build_tree
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -111,20 +110,20 @@ def case(request: pytest.FixtureRequest) -> Balls:
     return CASES[request.param]
 
 
-def children(tree: Tree, node: int) -> Iterator[tuple[int, int]]:
+def children(tree: BoxTree, node: int) -> Iterator[tuple[int, int]]:
     """The slots of a node that are filled, and what is there."""
     for slot in range(8):
         if tree.node["low_x"][node, slot] <= tree.node["high_x"][node, slot]:
             yield slot, int(tree.node["child"][node, slot])
 
 
-def sides(tree: Tree, node: int, slot: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def sides(tree: BoxTree, node: int, slot: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     record = tree.node[node]
     low = np.array([record[f"low_{axis}"][slot] for axis in "xyz"])
     return low, np.array([record[f"high_{axis}"][slot] for axis in "xyz"])
 
 
-def spheres_below(tree: Tree) -> dict[tuple[int, int], Ints]:
+def spheres_below(tree: BoxTree) -> dict[tuple[int, int], Ints]:
     """For each child of each node, as (node, slot), the indices of all spheres in it."""
     found: dict[tuple[int, int], Ints] = {}
 
@@ -140,13 +139,13 @@ def spheres_below(tree: Tree) -> dict[tuple[int, int], Ints]:
     return found
 
 
-def stack_needed(tree: Tree, node: int = 0) -> int:
+def stack_needed(tree: BoxTree, node: int = 0) -> int:
     """The most entries that a walk may have on its stack, whatever its order."""
     below = [stack_needed(tree, child) if child >= 0 else 0 for _, child in children(tree, node)]
     return len(below) - 1 + max(below) if below else 0
 
 
-def build(scene: Balls) -> Tree:
+def build(scene: Balls) -> BoxTree:
     return build_tree(scene)
 
 
@@ -238,7 +237,7 @@ def test_levels(n: int) -> None:
 def test_a_root_joins_eight_trees_at_most() -> None:
     scene = CASES["sizes"]
     keys = np.concatenate([scene.center.T, 2 * scene.outer[None]]).astype(f32)
-    classes = bvh._size_classes(keys, 8)
+    classes = boxes._size_classes(keys, 8)
     assert len(classes) == 8
     assert sorted(np.concatenate(classes).tolist()) == list(range(len(scene.outer)))
 
@@ -266,7 +265,7 @@ def test_halves_are_apart(places: int) -> None:
     keys = rng(14).integers(0, places, (3, 5000)).astype(f32)
     keys[1] *= 2
     before, order = keys.copy(), np.arange(5000, dtype=np.int32)
-    (start, left), (middle, right) = bvh._halve(keys, order, 0, 5000)
+    (start, left), (middle, right) = boxes._halve(keys, order, 0, 5000)
     assert (start, left, middle, right) == (0, 4096, 4096, 904)
     assert keys[1, :left].max() <= keys[1, left:].min()
     np.testing.assert_array_equal(before[:, order], keys)
@@ -297,7 +296,7 @@ def test_many(name: str) -> None:
     assert stack_needed(tree) <= 7 * levels(n)
 
 
-def reached(tree: Tree, origin: Floats, d: Floats, reach: float) -> set[int]:
+def reached(tree: BoxTree, origin: Floats, d: Floats, reach: float) -> set[int]:
     """The spheres in the blocks that a ray gets to: a walk without an order, as the kernel tests boxes."""
     least = 1e-18 * np.abs(d).max()
     rd = (1 / np.where(np.abs(d) < least, np.copysign(least, d), d)).astype(f32)
@@ -439,14 +438,14 @@ def triangles(request: pytest.FixtureRequest) -> Faces:
 NO_BALLS = balls(np.zeros((0, 3)))
 
 
-def leaf_index(tree: Tree, child: int) -> Ints:
+def leaf_index(tree: BoxTree, child: int) -> Ints:
     """The primitives of a leaf."""
     blocks = len(tree.block)
     index: Ints = tree.block["index"][~child] if ~child < blocks else tree.patch["index"][~child - blocks]
     return index[index >= 0]
 
 
-def primitives_below(tree: Tree) -> dict[tuple[int, int], set[int]]:
+def primitives_below(tree: BoxTree) -> dict[tuple[int, int], set[int]]:
     """For each child of each node, as (node, slot), all primitives in it."""
     found: dict[tuple[int, int], set[int]] = {}
 

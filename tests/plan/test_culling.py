@@ -11,7 +11,7 @@ from stress_cases import OUTPUTS, picture, renderer
 import cltrace
 from cltrace import Camera, Material, Mesh, Scene
 from cltrace.picture.image import Output
-from cltrace.plan import culling, features
+from cltrace.plan import culling, plan
 from cltrace.plan.abi import COUNTERS
 from cltrace.plan.accel import grids
 from cltrace.plan.shapes import mesh, sphere
@@ -148,8 +148,8 @@ def test_what_very_many_spheres_get_is_the_same_picture(device: Device, monkeypa
         for precision in ("accurate", "single"):
             want = picture(scene, device, precision)
             with monkeypatch.context() as patch:
-                patch.setattr(features, "PLENTY", 1)
-                patch.setattr(features, "VIEWS", 1)
+                patch.setattr(plan, "PLENTY", 1)
+                patch.setattr(plan, "VIEWS", 1)
                 for module in (mesh, sphere):
                     patch.setattr(module, "MANY", 1)
                 patch.setattr(grids, "SPARE", -3 * len(scene.spheres))
@@ -174,7 +174,7 @@ def test_shadows_of_spheres_much_smaller_than_their_distance(device: Device, mon
         want = picture(scene, device, "accurate")
         assert 100 < ((want.id == 0) & (want.color.max(axis=-1) == 0)).sum() < 4000  # shadows on the ground
         with monkeypatch.context() as patch:
-            patch.setattr(features, "PLENTY", 1)
+            patch.setattr(plan, "PLENTY", 1)
             fetched = renderer(scene, device, "accurate", width=1)  # where each ray decides for itself
             assert "WITH_PREFETCH" in fetched.plan.features
             image = fetched.render()
@@ -194,7 +194,7 @@ def test_blocks_of_packets_are_the_same_picture(device: Device, width: int, monk
     for crop in (None, (0, 0, 70, 144), (3, 5, 50, 22), (9, 131, 71, 150)):
         want = cltrace.Renderer(scene, device, outputs=("rgb8", "id"), crop=crop, width=width).render()
         with monkeypatch.context() as patch:
-            patch.setattr(features, "VIEWS", 1)
+            patch.setattr(plan, "VIEWS", 1)
             patch.setattr(executor, "FIRST_ROWS", 16)
             drawn = cltrace.Renderer(scene, device, outputs=("rgb8", "id"), crop=crop, width=width)
             assert "WITH_BLOCKS" in drawn.plan.features
@@ -215,7 +215,7 @@ def test_a_sphere_that_stops_one_ray_is_asked_about_its_whole_packet(
     scene = Scene.from_spheres(camera, [*lights, SUN], centers, np.append(100, rng.uniform(0.05, 0.4, n)))
     alone = cltrace.Renderer(scene, device, "accurate", outputs=OUTPUTS, width=8)
     want, tried = alone.render(), alone.work()["spheres that float32 rules out for a ray"]
-    monkeypatch.setattr(features, "VIEWS", 1)
+    monkeypatch.setattr(plan, "VIEWS", 1)
     together = cltrace.Renderer(scene, device, "accurate", outputs=OUTPUTS, width=8)
     assert "WITH_BLOCKS" in together.plan.features
     image = together.render()

@@ -14,9 +14,8 @@ from random_scenes import random_scene
 import cltrace
 from cltrace import Renderer, Scene, TooManyRaysError, cli
 from cltrace.plan.abi import COUNTERS
-from cltrace.plan.dropping import brightest
 from cltrace.plan.lights import useful_lights
-from cltrace.plan.materials import Materials
+from cltrace.plan.materials import Materials, brightest
 from cltrace.plan.request import Request
 from cltrace.reference import world_of
 from cltrace.reference.trace import primary_ray, trace

@@ -29,7 +29,7 @@ from cltrace.plan.accel.silhouettes import Discs
 from cltrace.plan.lights import are_at_points
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Request
-from cltrace.plan.world import World
+from cltrace.plan.world import ScenePacking
 from cltrace.run.devices import Device
 from cltrace.run.pack import lists as device_lists
 from cltrace.run.pack import packers
@@ -55,7 +55,7 @@ def device_plan(device: Device) -> PlanOf:
 
     def plan_of(scene: Scene, request: Request) -> Plan:
         request = replace(request, keep=())
-        world = World.of(scene, request)
+        world = ScenePacking.of(scene, request)
         packer = packers.packer_of(world, request, device)
         view, made = packer.view(world, scene.camera)
         assert packer.tools

@@ -17,7 +17,7 @@ from test_lists import cell_of, dot_float, walk
 
 from cltrace.plan.abi import Precision, dtype_of
 from cltrace.plan.accel import grids
-from cltrace.plan.accel.grids import CellGrid, Shadows, Window, build, parallel_grids, picture_tiles, point_grids
+from cltrace.plan.accel.grids import CellGrid, PictureWindow, Shadows, build, parallel_grids, picture_tiles, point_grids
 from cltrace.plan.accel.silhouettes import FINE_SLACK, SLACK, Discs, Polygons
 from cltrace.run.devices import Device
 from cltrace.run.pack import polygons
@@ -118,12 +118,12 @@ def lists(request: pytest.FixtureRequest) -> Lists:
     return NUMPY if request.param == "numpy" else Lists(request.getfixturevalue("any_device"))
 
 
-def window_of(tan: float, size: tuple[int, int], region: tuple[int, int, int, int] | None = None) -> Window:
+def window_of(tan: float, size: tuple[int, int], region: tuple[int, int, int, int] | None = None) -> PictureWindow:
     width, height = size
-    return Window((tan / width, tan / width), size, region or (0, 0, width, height))  # type: ignore[arg-type]
+    return PictureWindow((tan / width, tan / width), size, region or (0, 0, width, height))  # type: ignore[arg-type]
 
 
-def rays(window: Window) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
+def rays(window: PictureWindow) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
     """Column, row and direction of each pixel's ray."""
     left, top, width, height = window.region
     rows, columns = np.mgrid[top : top + height, left : left + width].reshape(2, -1)
@@ -132,7 +132,7 @@ def rays(window: Window) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
     return columns, rows, np.stack([x, y, np.full(len(x), -1.0)], axis=1)
 
 
-def check_pixels(triangles: Floats, window: Window, by: Lists = NUMPY) -> float:
+def check_pixels(triangles: Floats, window: PictureWindow, by: Lists = NUMPY) -> float:
     """Whatever a pixel's ray meets is in its lists, not behind itself. Returns how many entries there are a hit."""
     shapes, every = [NO_SPHERES, by.seen(triangles)], np.ones(len(triangles), bool)
     lists = by.of([picture_tiles(shapes, every, window, FINE_SLACK)])
@@ -316,7 +316,7 @@ Make = Callable[[np.random.Generator], Floats]
     ids=["usual", "wide angle", "narrow angle", "crop", "one tile"],
 )
 def test_pixels_are_offered_all_that_they_meet(
-    make: Make, spare: int, window: Window, lists: Lists, monkeypatch: pytest.MonkeyPatch
+    make: Make, spare: int, window: PictureWindow, lists: Lists, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for where in (grids, polygons):
         monkeypatch.setattr(where, "SPARE", spare)
@@ -398,7 +398,7 @@ def test_parallel_light_tells_small_triangles_apart(size: float) -> None:
 # -------------------------------------------------------------------------------------------------------- little else
 
 
-def pairs(triangles: Floats, window: Window, by: Lists) -> tuple[int, int]:
+def pairs(triangles: Floats, window: PictureWindow, by: Lists) -> tuple[int, int]:
     """How many entries the tiles have, and how many pairs of a tile and a triangle that a ray of it meets."""
     shapes, every = [NO_SPHERES, by.seen(triangles)], np.ones(len(triangles), bool)
     made = by.of([picture_tiles(shapes, every, window, FINE_SLACK)]).arrays

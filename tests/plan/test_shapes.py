@@ -14,10 +14,9 @@ from cltrace.plan import world
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import rotated
-from cltrace.plan.shapes.mesh import Meshes
-from cltrace.plan.shapes.shape import InView, Shape, Sights
-from cltrace.plan.shapes.sphere import Spheres
-from cltrace.plan.space import Space
+from cltrace.plan.shapes.mesh import MeshPacking
+from cltrace.plan.shapes.shape import InView, ShapePacking, Sights
+from cltrace.plan.shapes.sphere import CameraSpace, SpherePacking
 
 rng = np.random.default_rng(27)
 CENTER, RADIUS, MORE = rng.uniform(-1, 1, (60, 3)), rng.uniform(0.02, 0.2, 60), 7
@@ -30,7 +29,7 @@ LIGHTS = [
 
 
 @dataclass(frozen=True, eq=False)
-class Balls(Shape):
+class Balls(ShapePacking):
     """The last MORE of the spheres, as another shape."""
 
     words = "balls"
@@ -60,8 +59,8 @@ class BallsInView(InView):
     first: int
 
     @cached_property
-    def space(self) -> Space:
-        return Space.of(self.camera, CENTER[-MORE:], RADIUS[-MORE:], None, self.first)
+    def space(self) -> CameraSpace:
+        return CameraSpace.of(self.camera, CENTER[-MORE:], RADIUS[-MORE:], None, self.first)
 
     def lengths(self) -> Any:
         return self.space.center, self.space.radius
@@ -72,11 +71,11 @@ class BallsInView(InView):
         seen = [light.look(self, small, 2.0**k) for light in lights]
         return Sights({}, eye=eye, lights=seen, visible=None, inside=eye.power <= 0, lit={})
 
-    def from_point(self, light: Any, small: Space, unit: float) -> Any:
+    def from_point(self, light: Any, small: CameraSpace, unit: float) -> Any:
         seen = small.seen_from(light.place * unit)[0]
         return replace(seen, center=rotated(light.basis, seen.center))
 
-    def along(self, light: Any, small: Space, unit: float) -> Any:
+    def along(self, light: Any, small: CameraSpace, unit: float) -> Any:
         return small.seen_from_eye()
 
 
@@ -93,7 +92,7 @@ def test_another_row_is_listed_as_spheres_are(camera: Any, meshes: int, monkeypa
         return Plan.of_scene(scene, Request(keep=("hidden",)))
 
     expected = plan(60)
-    monkeypatch.setattr(world, "SHAPES", (Spheres, Balls, Meshes))
+    monkeypatch.setattr(world, "SHAPES", (SpherePacking, Balls, MeshPacking))
     found = plan(60 - MORE)
     for name in ("grid", "start", "entry", "light_buffer", "node", "block", "patch"):
         assert found.arrays[name].tobytes() == expected.arrays[name].tobytes(), name

@@ -16,7 +16,7 @@ from cltrace.base.waiting import Stopwatch
 from cltrace.renderers import renderer as module
 from cltrace.run import executor
 from cltrace.run.devices import Device
-from cltrace.run.executor import Executor, Frame
+from cltrace.run.executor import Executor, FrameBuffers
 
 SCENE = Path(__file__).parents[2] / "scenes" / "first.xml"
 SIZE = ["--size", "90x75", "-q"]
@@ -34,7 +34,7 @@ def fails_above(monkeypatch: pytest.MonkeyPatch, rows: int, error: type[Exceptio
     """There is no memory for frames of more rows."""
     make = Executor.frame
 
-    def frame(self: Executor) -> Frame:
+    def frame(self: Executor) -> FrameBuffers:
         if self.region[3] > rows:
             raise error("no room")
         return make(self)

@@ -15,10 +15,10 @@ from random_scenes import random_scene
 import cltrace
 from cltrace import Camera, Mesh, Renderer, Scene
 from cltrace.plan.request import Request
-from cltrace.plan.shapes.mesh import Meshes
-from cltrace.plan.shapes.sphere import Spheres
-from cltrace.plan.view import View
-from cltrace.plan.world import Before, World
+from cltrace.plan.shapes.mesh import MeshPacking
+from cltrace.plan.shapes.sphere import SpherePacking
+from cltrace.plan.view import CameraView
+from cltrace.plan.world import Before, ScenePacking
 from cltrace.run.devices import Device
 from cltrace.run.pack import packers
 from cltrace.run.pack.spheres import SpherePacker
@@ -110,7 +110,7 @@ def test_materials_alone_make_no_lists(device: Device, many: int, monkeypatch: p
     renderer = Renderer(scene, device, outputs=OUTPUTS)
     lists, order = renderer._executor.buffers["entry"], renderer._executor.buffers["id_of"]
     assert isinstance(renderer._now.packer, SpherePacker) == (many == 0)
-    monkeypatch.setattr(View, "of", None)
+    monkeypatch.setattr(CameraView, "of", None)
     monkeypatch.setattr(SpherePacker, "view", None)
     values |= {"colors": (0.25, 1.0, 0.5), "ks": np.linspace(0, 1, 600), "kd": 0.5, "exponent": 7}
     renderer.update(**{name: value for name, value in values.items() if name not in ("centers", "radii")})
@@ -226,16 +226,16 @@ def test_other_ellipsoids_in_the_same_places(device: Device, changed: str, refle
 def test_an_order_is_kept_while_it_is_good(device: Device) -> None:
     values = spheres(6000)
     renderer = Renderer(Scene.from_spheres(CAMERA, LIGHTS, **values), device, outputs=OUTPUTS)
-    first = renderer._now.world.of_shape(Spheres).row
+    first = renderer._now.world.of_shape(SpherePacking).row
     values["centers"] = values["centers"] * 3 + 0.001 * np.random.default_rng(0).uniform(-1, 1, (6000, 3))
     same(renderer.update(values["centers"]), Scene.from_spheres(CAMERA, LIGHTS, **values))
-    assert renderer._now.world.of_shape(Spheres).row is first
+    assert renderer._now.world.of_shape(SpherePacking).row is first
     values["centers"] = -values["centers"] / 3
     same(renderer.update(values["centers"]), Scene.from_spheres(CAMERA, LIGHTS, **values))
-    assert renderer._now.world.of_shape(Spheres).row is first
+    assert renderer._now.world.of_shape(SpherePacking).row is first
     values["centers"] = np.random.default_rng(0).permuted(values["centers"], axis=0)
     same(renderer.update(values["centers"]), Scene.from_spheres(CAMERA, LIGHTS, **values))
-    assert renderer._now.world.of_shape(Spheres).row is not first
+    assert renderer._now.world.of_shape(SpherePacking).row is not first
 
 
 def test_of_spheres_that_come_to_be_equal_the_first_is_seen(device: Device) -> None:
@@ -245,13 +245,13 @@ def test_of_spheres_that_come_to_be_equal_the_first_is_seen(device: Device) -> N
     values = spheres(n)
     renderer = Renderer(Scene.from_spheres(CAMERA, LIGHTS, **values), device, outputs=OUTPUTS)
     pairs = rng.permutation(n)[: n // 50].reshape(-1, 2)
-    order = renderer._now.world.of_shape(Spheres).row
+    order = renderer._now.world.of_shape(SpherePacking).row
     near = np.stack([order[:-1], order[1:]], axis=1)[::5]
     for one, other in (*pairs, *near):
         values["centers"][one], values["radii"][one] = values["centers"][other], values["radii"][other]
     renderer.update(values["centers"], values["radii"])
-    assert renderer._now.world.of_shape(Spheres).row is order
-    assert renderer._now.world.of_shape(Spheres).again.sum() > n // 8
+    assert renderer._now.world.of_shape(SpherePacking).row is order
+    assert renderer._now.world.of_shape(SpherePacking).again.sum() > n // 8
     same(renderer, Scene.from_spheres(CAMERA, LIGHTS, **values))
 
 
@@ -350,7 +350,7 @@ def test_fronts_of_triangles_are_known_where_rays_go_on() -> None:
     backwards = Mesh([(-3, -3, -3), (3, -3, -3), (0, -3, 3)], [(0, 2, 1)], normals=np.full((3, 3), (0, -1, 0)))
     opaque = Scene.from_spheres(CAMERA, LIGHTS, **spheres(3), meshes=[backwards, TRIANGLE])
     glass, request = with_spheres(opaque, {"transmittance": 0.5, "index": 1.5}), Request("accurate", ("rgb8",))
-    world = World.of(opaque, request)
-    assert world.of_shape(Meshes).triangles.face[:, 3].tolist() == [0, 2]
+    world = ScenePacking.of(opaque, request)
+    assert world.of_shape(MeshPacking).triangles.face[:, 3].tolist() == [0, 2]
     for before in (None, Before(opaque, world)):
-        assert World.of(glass, request, before).of_shape(Meshes).triangles.face[:, 3].tolist() == [1, 2]
+        assert ScenePacking.of(glass, request, before).of_shape(MeshPacking).triangles.face[:, 3].tolist() == [1, 2]

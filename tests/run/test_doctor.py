@@ -16,7 +16,7 @@ import pytest
 import cltrace
 from cltrace.cli import doctor
 from cltrace.plan.request import PRECISIONS
-from cltrace.run import devices, vendors
+from cltrace.run import caches, devices
 from cltrace.run.devices import Device, where_drivers_are
 
 
@@ -164,7 +164,7 @@ def test_the_command(any_device: Device, tmp_path: Path) -> None:
 def intel(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """An environment in which pip has put Intel's driver, its misleading .icd files, and nothing else."""
     (tmp_path / "lib").mkdir()
-    library = tmp_path / "lib" / vendors.LIBRARY
+    library = tmp_path / "lib" / caches.LIBRARY
     library.touch()
     theirs = tmp_path / "etc" / "OpenCL" / "vendors"
     theirs.mkdir(parents=True)
@@ -174,7 +174,7 @@ def intel(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     (system / "pocl.icd").write_text("libpocl.so.2.10.0\n")
     monkeypatch.setattr(sys, "prefix", str(tmp_path))
     monkeypatch.setattr(sys, "platform", "linux")
-    monkeypatch.setattr(vendors, "SYSTEM", system)
+    monkeypatch.setattr(caches, "SYSTEM", system)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setenv("OCL_ICD_VENDORS", "")
     return library
@@ -183,7 +183,7 @@ def intel(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 def test_intels_driver_is_found_beside_the_others(intel: Path, tmp_path: Path) -> None:
     for _ in range(2):
         os.environ["OCL_ICD_VENDORS"] = ""
-        vendors.ensure()
+        caches.ensure_vendors()
         folder = Path(os.environ["OCL_ICD_VENDORS"])
         assert folder.parent == tmp_path / "cache" / "cltrace"
         assert {path.name: path.read_text() for path in folder.iterdir()} == {
@@ -196,32 +196,32 @@ def test_intels_driver_is_found_beside_the_others(intel: Path, tmp_path: Path) -
 def test_an_icd_file_that_is_right_is_taken_as_it_is(intel: Path, tmp_path: Path) -> None:
     """As in an environment of conda."""
     (tmp_path / "etc" / "OpenCL" / "vendors" / "intel-cpu.icd").write_text(f"{intel}\n")
-    assert vendors._icd_files(intel) == {"pocl.icd": "libpocl.so.2.10.0", "intel-cpu.icd": str(intel)}
+    assert caches._icd_files(intel) == {"pocl.icd": "libpocl.so.2.10.0", "intel-cpu.icd": str(intel)}
 
 
 def test_what_somebody_has_set_is_left_alone(intel: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OCL_ICD_VENDORS", "/mine")
-    vendors.ensure()
+    caches.ensure_vendors()
     assert os.environ["OCL_ICD_VENDORS"] == "/mine"
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid") or os.getuid() != 0, reason="only root can give folders away")
 def test_a_folder_of_somebody_else_is_not_used(intel: Path) -> None:
     """What an .icd file names is run."""
-    vendors.ensure()
+    caches.ensure_vendors()
     os.chown(os.environ["OCL_ICD_VENDORS"], 12345, 12345)
     os.environ["OCL_ICD_VENDORS"] = ""
-    vendors.ensure()
+    caches.ensure_vendors()
     assert os.environ["OCL_ICD_VENDORS"] == ""
 
 
 def test_without_intels_driver_or_a_cache_nothing_is_set(intel: Path, tmp_path: Path) -> None:
     (tmp_path / "cache").write_text("in the way")
-    vendors.ensure()
+    caches.ensure_vendors()
     assert os.environ["OCL_ICD_VENDORS"] == ""
     (tmp_path / "cache").unlink()
     intel.unlink()
-    vendors.ensure()
+    caches.ensure_vendors()
     assert os.environ["OCL_ICD_VENDORS"] == ""
     assert not (tmp_path / "cache").exists()
 

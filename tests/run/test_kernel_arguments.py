@@ -11,9 +11,8 @@ import pytest
 
 from cltrace.plan import abi
 from cltrace.run.devices import Device
-from cltrace.run.kernel_arguments import BUFFER, argument, parameters_of
 from cltrace.run.pack.toolbox import FILES, Toolbox, packed_types
-from cltrace.run.program import UNSTOPPABLE, kernel_folder, program, source
+from cltrace.run.program import BUFFER, UNSTOPPABLE, argument, kernel_folder, parameters_of, program, source
 
 
 @pytest.mark.parametrize("name", ["floats", "doubles", "unstoppable"])

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 import cltrace
 from cltrace.plan.abi import Precision
 from cltrace.plan.request import Request
-from cltrace.plan.view import View
-from cltrace.plan.world import World
+from cltrace.plan.view import CameraView
+from cltrace.plan.world import ScenePacking
 from cltrace.run.devices import Device
 from cltrace.run.pack import packers
 from cltrace.run.pack.meshes import MeshPacker
@@ -25,11 +25,11 @@ pytestmark = pytest.mark.usefixtures("even_few_are_packed")
 
 def both(scene: cltrace.Scene, device: Device, request: Request) -> None:
     """Asserts that the device's view of a scene is numpy's."""
-    world = World.of(scene, request)
+    world = ScenePacking.of(scene, request)
     mixed = MeshPacker.of(world, request, device)
     assert mixed is not None
     view, made = mixed.view(world, scene.camera)
-    check_same_view(view, made, mixed.tools, View.of(world, scene.camera, request))
+    check_same_view(view, made, mixed.tools, CameraView.of(world, scene.camera, request))
 
 
 def scene(vertices: Floats, triangles: NDArray[np.int64], lights: object = LIGHTS, shift: float = 0) -> cltrace.Scene:

@@ -17,8 +17,8 @@ import cltrace
 from cltrace.picture.image import Output
 from cltrace.plan.abi import Precision
 from cltrace.plan.request import Request
-from cltrace.plan.view import View
-from cltrace.plan.world import World
+from cltrace.plan.view import CameraView
+from cltrace.plan.world import ScenePacking
 from cltrace.run.devices import Device
 from cltrace.run.pack import lists, packers
 from cltrace.run.pack.spheres import SpherePacker
@@ -34,7 +34,7 @@ def both(scene: cltrace.Scene, device: Device, request: Request, *cameras: AnyCa
 
     Returns how many the device has made. What parallel lights see is made anew: test_other_cameras.py keeps it.
     """
-    world = World.of(scene, request)
+    world = ScenePacking.of(scene, request)
     packer = SpherePacker.of(world, request, device)
     assert packer is not None
     # On the device, shadow rays may end on all spheres.
@@ -42,7 +42,7 @@ def both(scene: cltrace.Scene, device: Device, request: Request, *cameras: AnyCa
     keep = bool((scene.lights["kind"] != PARALLEL).all())
     for by in (scene.camera, *cameras):
         view, made = packer.view(world, by, keep)
-        check_same_view(view, made, packer.tools, View.of(world, by, plain if made else request))
+        check_same_view(view, made, packer.tools, CameraView.of(world, by, plain if made else request))
         count += bool(made)
     return count
 
@@ -191,7 +191,7 @@ def test_bits_of_other_cameras(device: Device, precision: Precision) -> None:
 
 
 def test_what_lights_see_is_made_once(device: Device) -> None:
-    world = World.of(scene(*balls(), LIGHTS[2:]), Request())
+    world = ScenePacking.of(scene(*balls(), LIGHTS[2:]), Request())
     packer = SpherePacker.of(world, Request(), device)
     assert packer is not None
     _, first = packer.view(world, camera())
@@ -245,7 +245,7 @@ def test_lists_of_cameras_are_side_by_side(
     What has no room is in other buffers. A GPU has none to spare.
     """
     monkeypatch.setattr(lists, "LEAST", few)
-    world = World.of(crowded(lights=LIGHTS[2:]), Request())
+    world = ScenePacking.of(crowded(lights=LIGHTS[2:]), Request())
     packer = SpherePacker.of(world, Request(), kind(device.spec, device.cl))
     assert packer is not None
     cameras = [camera(position=(0.1 * k, 0.2, 3 + 0.1 * k)) for k in range(9)]

@@ -51,7 +51,7 @@ SIDE = 1 + 2.0**-16
 SHIFT = CONSTANTS["TILE"].bit_length() - 1
 
 
-class Members(NamedTuple):
+class CellMembers(NamedTuple):
     """n surfaces that are entered on a grid.
 
     member: (n,), their indices; covers: (4, n), the cells of level 0 that each one covers, as the first column, the
@@ -63,7 +63,7 @@ class Members(NamedTuple):
     near: NDArray[np.float32]
 
 
-NOBODY = Members(np.zeros(0, np.int32), np.zeros((4, 0), np.int16), np.zeros(0, np.float32))
+NOBODY = CellMembers(np.zeros(0, np.int32), np.zeros((4, 0), np.int16), np.zeros(0, np.float32))
 
 
 class Held(Protocol):
@@ -85,7 +85,7 @@ class CellGrid:
     middle: Array
     half: Array
     cells: tuple[int, int]
-    members: Members = NOBODY
+    members: CellMembers = NOBODY
     perspective: bool = True
     coarse: bool = False
     held: Held | None = field(default=None, compare=False)
@@ -186,7 +186,7 @@ def whole_grid(members: Mask) -> CellGrid:
     """A grid of one cell: one list of surfaces for all rays, in the order of their indices. members: (n,), which."""
     member = np.flatnonzero(members).astype(np.int32)
     near, none = np.full(len(member), -np.inf, np.float32), np.zeros(2)
-    some = Members(member, np.zeros((4, len(member)), np.int16), near)
+    some = CellMembers(member, np.zeros((4, len(member)), np.int16), near)
     return CellGrid(np.zeros((3, 3)), none, none + 1, (1, 1), some)
 
 
@@ -207,7 +207,7 @@ class Axis(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Window:
+class PictureWindow:
     """What of the image plane is to be drawn.
 
     step: half of a pixel's width and height on the image plane z = -1, or, of parallel rays, in the float buffers'
@@ -223,8 +223,8 @@ class Window:
     spread: float = 0
 
     @classmethod
-    def of(cls, camera: AnyCamera, request: Request, k: int = 0) -> Window:
-        """The window of what a request wants of a camera's picture. k: see View.without_lists().
+    def of(cls, camera: AnyCamera, request: Request, k: int = 0) -> PictureWindow:
+        """The window of what a request wants of a camera's picture. k: see CameraView.without_lists().
 
         Of means over pixels it is all of the picture, whatever the crop: the more is listed beside a pixel, the less is
         known of it, and the more rays it has. That is to be the same in all crops.
@@ -256,13 +256,13 @@ class Window:
         return x, y
 
 
-def picture_grid(size: tuple[int, int], members: Members = NOBODY, held: Held | None = None) -> CellGrid:
+def picture_grid(size: tuple[int, int], members: CellMembers = NOBODY, held: Held | None = None) -> CellGrid:
     """The grid of a picture of so many pixels, (width, height): its cells are tiles."""
     columns, rows = (((n - 1) >> SHIFT) + 1 for n in size)
     return CellGrid(np.eye(3), np.zeros(2), np.ones(2), (columns, rows), members, held=held)
 
 
-def picture_tiles(shapes: Sequence[Silhouettes], among: Mask, window: Window, slack: float) -> CellGrid:
+def picture_tiles(shapes: Sequence[Silhouettes], among: Mask, window: PictureWindow, slack: float) -> CellGrid:
     """The picture's grid.
 
     shapes: surfaces from the eye, in the order of SHAPES; among: (n,), which of all of them to enter; slack: SLACK or
@@ -286,7 +286,7 @@ def sight_of(shapes: Sequence[Silhouettes]) -> Any:
     return next((one.sight for one in shapes if one.sight), None)
 
 
-def _pictured(found: Projected, visible: Mask, window: Window, slack: float) -> Members:
+def _pictured(found: Projected, visible: Mask, window: PictureWindow, slack: float) -> CellMembers:
     """Those of `visible` that cover pixels."""
     covers = np.empty((4, len(found.member)), np.int16)
     for k, axis in enumerate(window.axes):
@@ -297,7 +297,7 @@ def _pictured(found: Projected, visible: Mask, window: Window, slack: float) -> 
         visible = visible & (begin <= end)
         covers[k] = begin.astype(np.int32) >> SHIFT
         covers[2 + k] = (end.astype(np.int32) >> SHIFT) - covers[k]
-    return Members(found.member[visible], covers[:, visible], found.near[visible])
+    return CellMembers(found.member[visible], covers[:, visible], found.near[visible])
 
 
 # ------------------------------------------------------------------------------------------------------------- lights
@@ -492,7 +492,7 @@ def _grid(
     return CellGrid(axes, window.middle, window.half, cells, some, perspective, window.coarse, held)
 
 
-def cover_cells(seen: Projected, sides: tuple[Side, Side], slack: float, furthest: float) -> Members:
+def cover_cells(seen: Projected, sides: tuple[Side, Side], slack: float, furthest: float) -> CellMembers:
     """Which cells of a light's grid surfaces cover. sides: of the window; furthest: where the last ray ends."""
     # What is wholly beside the window, or beyond where the last ray ends, is met by no ray of the window.
     within, covers = seen.near < furthest, np.empty((4, len(seen.near)), np.int16)
@@ -505,4 +505,4 @@ def cover_cells(seen: Projected, sides: tuple[Side, Side], slack: float, furthes
         covers[k] = np.clip((begin - side.first) * side.scale - 1 / 64, 0, side.last)
         covers[2 + k] = np.clip((end - side.first) * side.scale + 1 / 64, 0, side.last)
         covers[2 + k] -= covers[k]
-    return Members(seen.member[within], covers[:, within], seen.near[within])
+    return CellMembers(seen.member[within], covers[:, within], seen.near[within])

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from cltrace.base.arithmetic import cross
 from cltrace.plan.accel.silhouettes import Capsules
+from cltrace.plan.accel.tree import Paths
 from cltrace.plan.lights import AtPoint, Lamp, Parallel
 from cltrace.plan.order import MANY, spatial_order
-from cltrace.plan.paths import Paths
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array, Ints, Mask, along, rotated
-from cltrace.plan.shapes.shape import Arrays, InView, Shape, Sights, share
+from cltrace.plan.shapes.shape import Arrays, InView, ShapePacking, Sights, share
 from cltrace.scene import AnyCamera, Scene
 
 FLAGS = {"WITH_SHAPES": "shape", "WITH_PLACED": "shape"}
@@ -27,7 +27,7 @@ ROOM = 2.0**-40
 
 
 @dataclass(frozen=True, eq=False)
-class Cylinders(Shape):
+class CylinderPacking(ShapePacking):
     """n cylinders, the last of which are cut balls: a Shape. Many of either are sorted by place.
 
     start, end: (n, 3) float64, the middles of their ends, or what cuts the balls, and radius: (n,) float64, in the
@@ -47,7 +47,7 @@ class Cylinders(Shape):
     words: ClassVar[str] = "cylinders"
 
     @classmethod
-    def of(cls, scene: Scene, request: Request, before: tuple[Scene, Cylinders] | None) -> Cylinders:
+    def of(cls, scene: Scene, request: Request, before: tuple[Scene, CylinderPacking] | None) -> CylinderPacking:
         if before and share(before[0], scene, "cylinders", "cuts"):
             return before[1]
         of, cuts = scene.cylinders, scene.cuts
@@ -159,7 +159,7 @@ def _exact_side(start: Array, end: Array, radius: float, point: Array, center: A
 class CylindersInView(InView):
     """Cylinders as a camera sees them: InView. first: the index of the first one as a surface."""
 
-    cylinders: Cylinders
+    cylinders: CylinderPacking
     camera: AnyCamera
     first: int
 

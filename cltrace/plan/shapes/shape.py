@@ -1,4 +1,5 @@
-"""What a shape is to the host: a row of SHAPES in table.py, of which World, View and the lists know this alone."""
+"""What a shape is to the host: a row of SHAPES in world.py, of which ScenePacking, CameraView and the lists know this
+alone."""
 
 from __future__ import annotations
 
@@ -12,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.accel.silhouettes import Silhouettes
+from cltrace.plan.accel.tree import Paths
 from cltrace.plan.lights import Lamp
-from cltrace.plan.paths import Paths
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array, Ints, Mask
 from cltrace.scene import AnyCamera, Scene
@@ -55,7 +56,7 @@ class InView(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class Shape(ABC):
+class ShapePacking(ABC):
     """All n surfaces of one shape in a world, in the order in which they are packed: what no camera changes.
 
     row: (n,), which one of the scene each one is, the same object as of another world if that has the same order;

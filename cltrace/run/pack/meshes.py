@@ -1,4 +1,4 @@
-"""Views of worlds of triangles, ellipsoids and spheres: numpy packs them, but for what takes longest.
+"""CameraViews of worlds of triangles, ellipsoids and spheres: numpy packs them, but for what takes longest.
 
 The planes of triangles' edges, the polygons that triangles are to the eye and to lights, and the lists are made on the
 device, with the same bits. A few polygons, which need clipping, are numpy's.
@@ -23,11 +23,10 @@ from cltrace.plan.accel.silhouettes import Polygons
 from cltrace.plan.lights import AtPoint, Lamp, Move, Parallel, are_at_points, kinds
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array
-from cltrace.plan.shapes.mesh import Meshes, MeshesInView
-from cltrace.plan.shapes.shape import Arrays, InView, Shape, Sights
-from cltrace.plan.shapes.triangle import exact_sides, exact_turns
-from cltrace.plan.view import Known, Methods, View
-from cltrace.plan.world import World
+from cltrace.plan.shapes.mesh import MeshesInView, MeshPacking, exact_sides, exact_turns
+from cltrace.plan.shapes.shape import Arrays, InView, ShapePacking, Sights
+from cltrace.plan.view import CameraView, KeptLights, Methods
+from cltrace.plan.world import ScenePacking
 from cltrace.run.devices import Device, driver_errors
 from cltrace.run.pack.lists import ListBuffers, Listed, ListWriter
 from cltrace.run.pack.polygons import PolygonSight
@@ -45,21 +44,23 @@ def load(device: Device, precision: Precision) -> None:
 
 
 class MeshPacker:
-    """A world's triangles on a device, which helps with Views of any camera.
+    """A world's triangles on a device, which helps with CameraViews of any camera.
 
-    request: the one that the world was made for; latest: `of` of the latest View, see _SeenMeshes. Several threads may
-    use it: one after the other.
+    request: the one that the world was made for; latest: `of` of the latest CameraView, see _SeenMeshes. Several
+    threads may use it: one after the other.
     """
 
-    def __init__(self, world: World, request: Request, device: Device, before: Toolbox | None = None) -> None:
-        self.triangles, self.request, self._device = world.of_shape(Meshes).triangles, request, device
+    def __init__(self, world: ScenePacking, request: Request, device: Device, before: Toolbox | None = None) -> None:
+        self.triangles, self.request, self._device = world.of_shape(MeshPacking).triangles, request, device
         self.tools = Toolbox(device, request.precision, before)
         self.face, self._lock = self.tools.share(self.triangles.face), threading.Lock()
         self.kept: _Kept | None = None
         self.latest: tuple[Any, ...] = ()
 
     @classmethod
-    def of(cls, world: World, request: Request, device: Device, before: Toolbox | None = None) -> MeshPacker | None:
+    def of(
+        cls, world: ScenePacking, request: Request, device: Device, before: Toolbox | None = None
+    ) -> MeshPacker | None:
         """None if the device does not compute as numpy does.
 
         Raises BuildError and DeviceError as Executor does.
@@ -67,15 +68,15 @@ class MeshPacker:
         with driver_errors(device):
             return cls(world, request, device, before) if is_exact(device) else None
 
-    def fits(self, world: World) -> bool:
+    def fits(self, world: ScenePacking) -> bool:
         """Whether a world has the same triangles."""
-        return world.of_shape(Meshes).triangles is self.triangles
+        return world.of_shape(MeshPacking).triangles is self.triangles
 
-    def view(self, world: World, camera: AnyCamera, keep: bool = True) -> tuple[View, dict[str, Any]]:
+    def view(self, world: ScenePacking, camera: AnyCamera, keep: bool = True) -> tuple[CameraView, dict[str, Any]]:
         """See Packer. What parallel lights see is kept from the second camera on, for which all surfaces get light."""
         with self._lock, driver_errors(self._device), Announcement("compiling the kernel ..."):
             seen = _SeenMeshes(self, world, camera, keep)
-            view = View.of(world, camera, seen.request, Methods(seen.in_view, seen.build, seen.known))
+            view = CameraView.of(world, camera, seen.request, Methods(seen.in_view, seen.build, seen.known))
             self.kept, self.latest = seen.to_keep(view), seen.of
             # What lists are made of takes half as much as all that is kept.
             self.tools.forget()
@@ -92,7 +93,7 @@ class _Kept:
 
     of: tuple[Any, ...]
     unit: float
-    known: Known
+    known: KeptLights
     facets: Any
     grids: list[CellGrid]
     listed: list[Listed]
@@ -107,7 +108,7 @@ class _SeenMeshes:
     what they see is kept; kept: what other cameras have of it.
     """
 
-    def __init__(self, packer: MeshPacker, world: World, camera: AnyCamera, keep: bool) -> None:
+    def __init__(self, packer: MeshPacker, world: ScenePacking, camera: AnyCamera, keep: bool) -> None:
         self.packer, self.world, self.camera, self.request = packer, world, camera, packer.request
         self.made: dict[str, Any] = {}
         self.grids: list[CellGrid] = []
@@ -119,13 +120,13 @@ class _SeenMeshes:
         if self.count and "receivers" not in self.request.keep:
             self.request = replace(self.request, keep=(*self.request.keep, "receivers"))
 
-    def in_view(self, shape: Shape, camera: AnyCamera, first: int) -> InView:
+    def in_view(self, shape: ShapePacking, camera: AnyCamera, first: int) -> InView:
         """What Shape.in_view() makes, but that buffers of triangles will be in `made`."""
-        if isinstance(shape, Meshes) and len(shape.number) and not camera.parallel:
+        if isinstance(shape, MeshPacking) and len(shape.number) and not camera.parallel:
             return _OnDevice(shape.triangles, camera, first, of=self)
         return shape.in_view(camera, first)
 
-    def known(self, k: int) -> Known | None:
+    def known(self, k: int) -> KeptLights | None:
         """See Methods."""
         kept = self.packer.kept
         self.kept = kept if self.count and kept and (kept.of, kept.unit) == (self.of, 2.0**k) else None
@@ -148,7 +149,7 @@ class _SeenMeshes:
         self.made |= lists
         return {"grid": records}
 
-    def to_keep(self, view: View) -> _Kept | None:
+    def to_keep(self, view: CameraView) -> _Kept | None:
         """What further cameras may use."""
         if self.kept:
             return replace(self.kept, lists=self.writer.lists)
@@ -158,7 +159,7 @@ class _SeenMeshes:
         buffer = arrays["light_buffer"][:count] - np.array([1, 0, 0, 0], np.int32)
         number = int(buffer[:, 1].sum())
         lit = {name: arrays[name][: len(arrays[name]) // m * count] for name in view.lit}
-        known = Known(self.camera, arrays["light"][:count], lit, number, buffer)
+        known = KeptLights(self.camera, arrays["light"][:count], lit, number, buffer)
         own, listed = self.grids[1 : 1 + number], self.writer.listed[1 : 1 + number]
         unit, facets = view.values["unit"], self.made.get("light_facet")
         return _Kept(self.of, unit, known, facets, grids=own, listed=listed, lists=self.writer.lists)

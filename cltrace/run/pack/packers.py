@@ -1,4 +1,4 @@
-"""What makes Views: numpy, or a device where surfaces are many."""
+"""What makes CameraViews: numpy, or a device where surfaces are many."""
 
 from __future__ import annotations
 
@@ -8,38 +8,40 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from cltrace.plan.abi import Precision
 from cltrace.plan.request import Request
-from cltrace.plan.shapes.mesh import Meshes
-from cltrace.plan.view import View
-from cltrace.plan.world import World
+from cltrace.plan.shapes.mesh import MeshPacking
+from cltrace.plan.view import CameraView
+from cltrace.plan.world import ScenePacking
 from cltrace.run.devices import Device
 from cltrace.scene import AnyCamera, Scene
 
 if TYPE_CHECKING:
     from cltrace.run.pack.toolbox import Toolbox
 
-# From so many surfaces on, a device makes Views. A shell of 30,000 spheres takes 20 ms of a processor's time instead of
-# 50, one of 10,000 takes 10 instead of 20, but the program takes 50 to load (PoCL 3.1, 1920x1080). A quarter is enough
-# where cameras come one after the other, as that is soon made up for: 8,000 spheres take 8 ms instead of 16 and 16,000
-# triangles 25 instead of 30; but 4,000 triangles would take 24 instead of 17 (480x270). Triangles count twice:
-# numpy's lists know rectangles around them alone, so that 20,000 take 1.05 to 1.12 of the tests for each frame.
+# From so many surfaces on, a device makes CameraViews. A shell of 30,000 spheres takes 20 ms of a processor's time
+# instead of 50, one of 10,000 takes 10 instead of 20, but the program takes 50 to load (PoCL 3.1, 1920x1080). A quarter
+# is enough where cameras come one after the other, as that is soon made up for: 8,000 spheres take 8 ms instead of 16
+# and 16,000 triangles 25 instead of 30; but 4,000 triangles would take 24 instead of 17 (480x270). Triangles count
+# twice: numpy's lists know rectangles around them alone, so that 20,000 take 1.05 to 1.12 of the tests for each frame.
 MANY, PART_AGAIN = 2**15, 4
 
 
 class Packer(Protocol):
-    """Makes Views of a world by any camera, all with the same bits. Several threads may use it: one after the other."""
+    """Makes CameraViews of a world by any camera, all with the same bits. Several threads may use it: one after the
+    other."""
 
     @property
     def tools(self) -> Toolbox | None:
         """Those of the device, None if nothing is made there."""
 
-    def fits(self, world: World) -> bool:
+    def fits(self, world: ScenePacking) -> bool:
         """Whether a world has the same surfaces in the same places; their materials may be others."""
 
-    def view(self, world: World, camera: AnyCamera, keep: bool = True) -> tuple[View, dict[str, Any]]:
-        """The view of a camera, with the bits of View.of(), and buffers, by the names of abi.ARGUMENTS, that it lacks.
+    def view(self, world: ScenePacking, camera: AnyCamera, keep: bool = True) -> tuple[CameraView, dict[str, Any]]:
+        """The view of a camera, with the bits of CameraView.of(), and buffers, by the names of abi.ARGUMENTS, that it
+        lacks.
 
         world: one that fits; keep: whether what its lights see may be kept for other cameras. Raises ValueError as
-        View.of() does, and BuildError and DeviceError as Executor does.
+        CameraView.of() does, and BuildError and DeviceError as Executor does.
         """
 
 
@@ -51,13 +53,13 @@ class NumpyPacker:
     def __init__(self, request: Request) -> None:
         self._request = request
 
-    def fits(self, world: World) -> bool:
+    def fits(self, world: ScenePacking) -> bool:
         """No: of a world nothing is kept, so that another packer, which may be a device's, costs nothing."""
         return False
 
-    def view(self, world: World, camera: AnyCamera, keep: bool = True) -> tuple[View, dict[str, Any]]:
+    def view(self, world: ScenePacking, camera: AnyCamera, keep: bool = True) -> tuple[CameraView, dict[str, Any]]:
         """See Packer."""
-        return View.of(world, camera, self._request), {}
+        return CameraView.of(world, camera, self._request), {}
 
 
 def loading(scene: Scene, request: Request, device: Device) -> Callable[[], None]:
@@ -80,15 +82,15 @@ def _load(device: Device, precision: Precision) -> None:
 
 
 def packer_of(
-    world: World, request: Request, device: Device, before: Packer | None = None, again: bool = False
+    world: ScenePacking, request: Request, device: Device, before: Packer | None = None, again: bool = False
 ) -> Packer:
     """numpy's for few surfaces, and where no device's serves the world; else the first one that does.
 
-    before: of another world on this device, whose spare memory is used again; again: whether there was a View of this
-    world. Raises BuildError and DeviceError as Executor does.
+    before: of another world on this device, whose spare memory is used again; again: whether there was a CameraView of
+    this world. Raises BuildError and DeviceError as Executor does.
     """
     surfaces = len(world.id)
-    if surfaces + len(world.of_shape(Meshes).number) <= MANY and not (again and surfaces > MANY // PART_AGAIN):
+    if surfaces + len(world.of_shape(MeshPacking).number) <= MANY and not (again and surfaces > MANY // PART_AGAIN):
         return NumpyPacker(request)
     # Small scenes start faster without these.
     from cltrace.run.pack.meshes import MeshPacker

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import CONSTANTS
-from cltrace.plan.accel.grids import SIDE, SIDES, Extent, Shadows, Side, Window
+from cltrace.plan.accel.grids import SIDE, SIDES, Extent, PictureWindow, Shadows, Side
 from cltrace.plan.accel.silhouettes import DEPTH_SLACK, SLACK, TURNED
 from cltrace.plan.rounding import Array, Mask
 from cltrace.run.pack.toolbox import PACKET, Arguments, Toolbox
@@ -100,7 +100,7 @@ class PolygonSight:
     count: int
     first: int
 
-    def picture(self, axes: Array, window: Window, among: Mask) -> tuple[EnteredPolygons | None, Mask]:
+    def picture(self, axes: Array, window: PictureWindow, among: Mask) -> tuple[EnteredPolygons | None, Mask]:
         """Enters on the tiles what the window shows of `among`, and says which surfaces are left to the host.
 
         axes: (3, 3), across, down and ahead.

@@ -1,7 +1,7 @@
-"""A View whose arrays of spheres are made on the device, with the same bits as those of View.of().
+"""A CameraView whose arrays of spheres are made on the device, with the same bits as those of CameraView.of().
 
 What takes a pass over all spheres is a kernel of kernels/pack. What follows from few numbers, such as the window of a
-light's grid, is decided by the functions of cltrace.plan that View.of() uses, too.
+light's grid, is decided by the functions of cltrace.plan that CameraView.of() uses, too.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from cltrace.plan.accel.grids import (
     SIDES,
     CellGrid,
     Extent,
+    PictureWindow,
     Rectangle,
-    Window,
     cube_of,
     picture_grid,
     sample,
@@ -37,10 +37,9 @@ from cltrace.plan.lights import AtPoint, Move, Parallel, are_at_points, kinds, l
 from cltrace.plan.lists import ONE_LIST
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array, rotated
-from cltrace.plan.shapes.sphere import Spheres
-from cltrace.plan.space import Space
-from cltrace.plan.view import View, exponent_of
-from cltrace.plan.world import World
+from cltrace.plan.shapes.sphere import CameraSpace, SpherePacking
+from cltrace.plan.view import CameraView, exponent_of
+from cltrace.plan.world import ScenePacking
 from cltrace.run.devices import Device, driver_errors
 from cltrace.run.pack.lists import Covers, ListBuffers, Listed, ListWriter
 from cltrace.run.pack.toolbox import PACKET, Arguments, Toolbox, is_exact
@@ -81,15 +80,15 @@ class _Lamps:
 
 
 class SpherePacker:
-    """A world's spheres on a device, for Views of any camera.
+    """A world's spheres on a device, for CameraViews of any camera.
 
-    spheres: of a world; request: the one that it was made for; lamps: of the latest View, in double at any rate.
+    spheres: of a world; request: the one that it was made for; lamps: of the latest CameraView, in double at any rate.
     Several threads may use it: one after the other.
     """
 
-    def __init__(self, world: World, request: Request, device: Device, before: Toolbox | None = None) -> None:
+    def __init__(self, world: ScenePacking, request: Request, device: Device, before: Toolbox | None = None) -> None:
         self.request, self.tools = request, Toolbox(device, request.precision, before)
-        self.spheres = spheres = world.of_shape(Spheres)
+        self.spheres = spheres = world.of_shape(SpherePacking)
         self.center, self.radius = self.tools.share(spheres.center), self.tools.share(spheres.radius)
         self.some_again = bool(spheres.again.any())
         self.again = self.tools.share(spheres.again) if self.some_again else self.tools.room(1, np.bool_)
@@ -98,12 +97,14 @@ class SpherePacker:
         self._device, self._lock = device, threading.Lock()
 
     @classmethod
-    def of(cls, world: World, request: Request, device: Device, before: Toolbox | None = None) -> SpherePacker | None:
+    def of(
+        cls, world: ScenePacking, request: Request, device: Device, before: Toolbox | None = None
+    ) -> SpherePacker | None:
         """None unless there are only spheres, and more than a few, on a device that computes as numpy does.
 
         Raises BuildError and DeviceError as Executor does.
         """
-        spheres = world.of_shape(Spheres)
+        spheres = world.of_shape(SpherePacking)
         served = (
             ONE_LIST < len(spheres.row) == len(world.id)
             and not spheres.maps
@@ -113,15 +114,15 @@ class SpherePacker:
         with driver_errors(device):
             return cls(world, request, device, before) if served else None
 
-    def fits(self, world: World) -> bool:
+    def fits(self, world: ScenePacking) -> bool:
         """Whether a world has the same spheres in the same places; their materials may be others."""
-        return world.of_shape(Spheres) is self.spheres
+        return world.of_shape(SpherePacking) is self.spheres
 
-    def view(self, world: World, camera: AnyCamera, keep: bool = True) -> tuple[View, dict[str, Any]]:
+    def view(self, world: ScenePacking, camera: AnyCamera, keep: bool = True) -> tuple[CameraView, dict[str, Any]]:
         """See Packer."""
         with self._lock, driver_errors(self._device), Announcement("compiling the kernel ..."):
             found = _SeenSpheres(self, world, camera, keep).view()
-        return found or (View.of(world, camera, self.request), {})
+        return found or (CameraView.of(world, camera, self.request), {})
 
 
 class _SeenSpheres:
@@ -130,7 +131,7 @@ class _SeenSpheres:
     seen: four columns of `pitch` doubles, see kernels/pack/space.cl; any_along: whether any light is a parallel one.
     """
 
-    def __init__(self, packer: SpherePacker, world: World, camera: AnyCamera, keep: bool) -> None:
+    def __init__(self, packer: SpherePacker, world: ScenePacking, camera: AnyCamera, keep: bool) -> None:
         self.packer, self.world, self.camera, self.keep = packer, world, camera, keep
         self.tools, self.spheres = packer.tools, packer.spheres
         self.n = len(self.spheres.radius)
@@ -148,14 +149,14 @@ class _SeenSpheres:
         self.flags = self.tools.room(self.pitch, np.int8, again=True)
         self.covers = Covers(self.tools, self.n, self.pitch)
 
-    def view(self) -> tuple[View, dict[str, Any]] | None:
+    def view(self) -> tuple[CameraView, dict[str, Any]] | None:
         """See SpherePacker.view(); None if pixels are so tiny that the kernels' float32 is too coarse."""
         world, packer = self.world, self.packer
         seen = self._see_from_eye()
         if seen is None:
             return None
         inside, there = seen
-        view = View.without_lists(world, self.camera, packer.request, self.k)
+        view = CameraView.without_lists(world, self.camera, packer.request, self.k)
         self.lights = lamps_of(world.lights, view.arrays["light"], self.basis)
         skipped, start = dict(view.skipped), time.perf_counter()
         skipped["spheres inside others, or the same"] = self.n - there
@@ -175,9 +176,9 @@ class _SeenSpheres:
         seconds = {"lists": time.perf_counter() - start}
         return replace(view, arrays=arrays, inside=inside, skipped=skipped, seconds=seconds), made
 
-    def _few(self, rows: Any) -> Space:
+    def _few(self, rows: Any) -> CameraSpace:
         """Some of the spheres as numpy sees them, in scene units."""
-        return Space.of(self.camera, self.spheres.center[rows], self.spheres.radius[rows])
+        return CameraSpace.of(self.camera, self.spheres.center[rows], self.spheres.radius[rows])
 
     @property
     def _axes(self) -> Arguments:
@@ -213,7 +214,7 @@ class _SeenSpheres:
         most, k = self._largest_of_some(), None
         while k != (k := exponent_of(self.world, self.camera, (), most)):
             self.k, self.unit = k, 2.0**k
-            self.window = Window.of(self.camera, packer.request, k)
+            self.window = PictureWindow.of(self.camera, packer.request, k)
             if min(self.window.step) <= (FINE if parallel else TINY):
                 return None
             part = self._see_all()

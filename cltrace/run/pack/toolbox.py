@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from cltrace.base.limits import MAX_ROWS
 from cltrace.plan import abi
 from cltrace.run.devices import Device, check_sizes
-from cltrace.run.kernel_arguments import NamedKernel, parameters_of
-from cltrace.run.program import context_of, program, source
+from cltrace.run.program import NamedKernel, context_of, parameters_of, program, source
 
 # Of a kernel, by the names of its parameters.
 Arguments = dict[str, Any]
