@@ -182,23 +182,6 @@ def test_D3_length_of_the_references_rays(length: float) -> None:
     assert max(abs(point.x - far.x), abs(point.y - far.y), abs(point.z - far.z)) < 1e-14
 
 
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ({"lookat": (0, 0, 0)}, "camera.lookat: must differ from position"),
-        ({"lookat": (0, math.nan, 0)}, "camera.lookat[1]: must be a finite number, got nan"),
-        ({"lookat": (0, 0, -math.inf)}, "camera.lookat[2]: must be a finite number, got -inf"),
-        ({"position": (math.inf, 0, 0)}, "camera.position[0]: must be a finite number, got inf"),
-        ({"up": (0, 0, 0)}, "camera.up: must not be 0"),
-    ],
-)
-def test_D4_no_direction(changed: dict[str, tuple[float, ...]], message: str) -> None:
-    """A direction of 0 or NaN reaches the kernel, where NaN compares false and counts as a hit."""
-    with pytest.raises(ValueError) as caught:
-        Camera(**changed)  # type: ignore[arg-type]
-    assert str(caught.value) == message
-
-
 def test_D4_no_direction_for_the_reference() -> None:
     """A ray that goes nowhere meets nothing, from outside and from inside."""
     for center in ((0, 0, -5), (0, 0, 0)):
