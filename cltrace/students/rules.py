@@ -6,7 +6,9 @@ records have a field of one name, so that a mistake is said by names alone.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from itertools import product
 from typing import Any, Literal
 
 
@@ -216,3 +218,35 @@ class Rules:
 
 RIGHT = Rules()
 _RECORD = {rule.name: part.name for part in fields(Rules) for rule in fields(getattr(RIGHT, part.name))}
+
+
+Changes = dict[str, Any]  # of fields of Rules
+
+ENOUGH = 4  # wrong pixels to tell a mistake by: rounding at an outline makes one or two
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One of the mistakes, which go by their names.
+
+    what: what is wrong, in words; change: what to do in the code; variants: how it is made, the usual way first;
+    fitted: whether its epsilon is to be found by trying; whole: whether it is seen in the picture before anything is
+    traced, see `whole`.
+    """
+
+    name: str
+    what: str
+    change: str
+    variants: tuple[Changes, ...]
+    fitted: bool = False
+    whole: bool = False
+
+
+def variants(**values: tuple[Any, ...]) -> tuple[Changes, ...]:
+    """Every combination of these values."""
+    return tuple(dict(zip(values, row, strict=True)) for row in product(*values.values()))
+
+
+def can_be_made_together(made: Mapping[str, Changes]) -> bool:
+    """Whether no two mistakes, by their names, say something of one rule."""
+    return len({key for changes in made.values() for key in changes}) == sum(map(len, made.values()))

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from cltrace.scene import PARALLEL, POINT, SPOT, Scene
 from cltrace.students.mistakes import BY_NAME, ENOUGH, MISTAKES, Changes
-from cltrace.students.rules import Rules
+from cltrace.students.rules import Rules, can_be_made_together
 from cltrace.students.shapes import Ints
 from cltrace.students.tracer import Tracer, to_bytes
 from cltrace.students.whole import Whole, profile
@@ -426,7 +426,7 @@ class Search:
     def looks(self) -> dict[str, list[Trial]]:
         """Each mistake that changes anything, alone, in all its ways, by a few pixels; of each the best way first."""
         twos = [{**self.whole, name: way} for name in self.ways for way in self.ways[name]]
-        self.few.prepare([two for two in twos if _agree(two)])
+        self.few.prepare([two for two in twos if can_be_made_together(two)])
         return {name: trials for name in self.ways if (trials := self._looked(name, self.ways[name]))}
 
     @cached_property
@@ -438,7 +438,7 @@ class Search:
         """How a mistake fits a few pixels, in each way that changes some of them."""
         before = self.few.levels(Trial(self.whole).changes)
         made = [{**self.whole, name: way} for way in ways]
-        changed = [m for m in made if _agree(m) and (self.few.levels(Trial(m).changes) != before).any()]
+        changed = [m for m in made if can_be_made_together(m) and (self.few.levels(Trial(m).changes) != before).any()]
         return sorted((self.few.trial(m) for m in changed), key=lambda trial: trial.order, reverse=True)
 
     @cached_property
@@ -482,7 +482,7 @@ class Search:
     def _profiled(self) -> list[Trial]:
         """Single mistakes in the colours of another screen."""
         made = [{**t.made, **profile(self.fit.sample.mine, self.fit.levels(t.changes))} for t in self.singles]
-        return [self.fit.trial(two) for two in made if _agree(two) and "colour-profile" in two]
+        return [self.fit.trial(two) for two in made if can_be_made_together(two) and "colour-profile" in two]
 
     def _with(
         self, seed: Trial, twins: Sequence[Trial], fit: Fit, ways: Mapping[str, Sequence[Changes]]
@@ -498,7 +498,7 @@ class Search:
         rest = self._fit(left.few(LEAST_OF))
         before = rest.trial(seed.made).score
         others = [{**seed.made, name: way} for name in ways if name not in seed.names for way in ways[name]]
-        twos = [two for two in others if _agree(two)]
+        twos = [two for two in others if can_be_made_together(two)]
         rest.prepare(twos)
         trials = [trial for trial in map(rest.trial, twos) if trial.score.gain >= max(before.gain + 0.1, LIKELY)]
         found: dict[Names, Trial] = {}
@@ -507,7 +507,7 @@ class Search:
                 found[trial.names] = fit.trial(self._adjusted(rest, trial).made)
         second = [{name: two.made[name] for name in two.names if name not in seed.names} for two in found.values()]
         made = [{**twin.made, **more} for more in second for twin in twins]
-        best = [*found.values(), *(fit.trial(two) for two in made if _agree(two))]
+        best = [*found.values(), *(fit.trial(two) for two in made if can_be_made_together(two))]
         # Few pixels cannot tell ways apart that hardly differ, and of rivals each has to be at its best.
         best = [self._adjusted(fit, two) if two.score.gain >= WORTH else two for two in best]
         return sorted(best, key=lambda trial: trial.order, reverse=True)
@@ -517,7 +517,7 @@ class Search:
         trial = fit.trial(trial.made)
         for name in trial.names:
             ways = [{**trial.made, name: way} for way in self._ways(name)]
-            trial = _best([trial, *(fit.trial(way) for way in ways if _agree(way))])
+            trial = _best([trial, *(fit.trial(way) for way in ways if can_be_made_together(way))])
         return trial
 
     def _ways(self, name: str) -> Sequence[Changes]:
@@ -559,7 +559,7 @@ class Search:
         # Points that acne leaves alone show the other mistake alone.
         others = [single for single in self.singles if self.fit.explained(single) > _SPARED][:SEEDS]
         made = [{**other.made, "acne": way} for other in (Trial(self.whole), *others)]
-        few = [self.few.trial(two) for two in made if _agree(two)]
+        few = [self.few.trial(two) for two in made if can_be_made_together(two)]
         found = [self.fit.trial(trial.made) for trial in few if trial.score.gain > LIKELY]
         return [trial for trial in found if trial.score.gain >= WORTH and self._is_speckled(trial)][:1]
 
@@ -598,8 +598,3 @@ class Search:
             if differ.sum() >= 8 and (down == self.fit.sample.mine)[differ].mean() >= 0.95:
                 return self.fit.trial({**trial.made, "truncated": way})
         return self.fit.trial(trial.made)
-
-
-def _agree(made: Mapping[str, Changes]) -> bool:
-    """Whether mistakes can be made together: no two say the same of one rule."""
-    return len({key for changes in made.values() for key in changes}) == sum(map(len, made.values()))

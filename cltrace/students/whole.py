@@ -12,13 +12,151 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.students.mistakes import BY_NAME, Changes
-from cltrace.students.rules import RIGHT, CameraRules
+from cltrace.students.rules import RIGHT, CameraRules, Changes, Mistake, variants
 from cltrace.students.tracer import decoded, to_bytes
 
 Levels = NDArray[np.int64]  # (h, w, 3), 0..255
 Bits = NDArray[np.bool_]
 Made = dict[str, Changes]
+
+# The mistakes that are about all of the picture, see mistakes.py.
+PICTURE_MISTAKES = (
+    Mistake(
+        "integer-division",
+        "whole numbers are divided where fractions are meant",
+        "divide floating point numbers: u / width, height / width, texel / 255",
+        (
+            *variants(columns=("zero", "halves"), upside_down=(False, True)),
+            *variants(aspect=("zero", "whole")),
+            *variants(rounding=("whole",)),
+            *variants(texture=("whole", "nearest whole")),
+        ),
+    ),
+    Mistake(
+        "gamma",
+        "a gamma curve is applied",
+        "write the bytes linearly: 255 c, without pow() and without an sRGB format of the image",
+        variants(gamma=(2.2, 0.0, 2.0, 1.8, 2.4, 1 / 2.2)),
+        whole=True,
+    ),
+    Mistake(
+        "swapped-channels",
+        "red, green and blue are written in another order",
+        "the bytes of a pixel are red, green, blue; some image formats and windows want blue first",
+        variants(channels=((2, 1, 0), (1, 0, 2), (0, 2, 1), (1, 2, 0), (2, 0, 1))),
+        whole=True,
+    ),
+    Mistake(
+        "grey",
+        "the picture is grey",
+        "write red, green and blue of the colour, not one number",
+        variants(grey=((0.299, 0.587, 0.114), (0.2126, 0.7152, 0.0722), (1 / 3, 1 / 3, 1 / 3))),
+        whole=True,
+    ),
+    Mistake(
+        "colour-profile",
+        "the colours are those of another screen: a colour profile, or a screenshot",
+        "write the bytes yourself, instead of copying them from a window, and into a file without a profile",
+        (),
+        whole=True,
+    ),
+    Mistake("inverted", "black is white", "write 255 c, not 255 - 255 c", variants(inverted=(True,)), whole=True),
+    Mistake(
+        "upside-down",
+        "top and bottom are exchanged",
+        "y_i points up and rows are counted from the top: write row height - 1 - v, or turn y_i's sign",
+        variants(upside_down=(True,)),
+        whole=True,
+    ),
+    Mistake(
+        "mirrored",
+        "left and right are exchanged",
+        "the camera's x axis is up x z with z = position - lookat: the other order turns it round",
+        variants(mirrored=(True,)),
+        whole=True,
+    ),
+    Mistake(
+        "transposed",
+        "rows and columns are exchanged",
+        "image[y][x] is the pixel of column x and row y",
+        variants(transposed=(True,)),
+        whole=True,
+    ),
+    Mistake(
+        "shifted",
+        "all is some pixels aside",
+        "the first column is u = 0 and the last one u = width - 1: x_n = (u + 0.5) / width",
+        (),
+        whole=True,
+    ),
+    Mistake(
+        "wrapped",
+        "what is brighter than 1 starts again at black",
+        "clamp the colour to 0..1 before it becomes a byte: 255 * 1.07 does not fit",
+        variants(rounding=("wrapped",)),
+    ),
+    Mistake(
+        "unscaled",
+        "colours of 0..1 are written as bytes without 255",
+        "write int(255 c + 0.5)",
+        variants(rounding=("unscaled",)),
+    ),
+    Mistake(
+        "only-background",
+        "the picture shows nothing but the background: no ray meets anything",
+        "print the ray of the middle pixel, and what it should meet: --explain says both",
+        (),
+        whole=True,
+    ),
+    Mistake(
+        "black",
+        "the picture is black",
+        "does the loop write its pixels, and is the picture saved after it? print one colour",
+        (),
+        whole=True,
+    ),
+    Mistake(
+        "one-colour",
+        "the picture has one colour",
+        "does each pixel have its own ray, and is each one's colour written to its own place?",
+        (),
+        whole=True,
+    ),
+    Mistake(
+        "cut-off",
+        "the picture ends before its end",
+        "close the file, and let the loops go through all rows",
+        (),
+        whole=True,
+    ),
+    Mistake(
+        "border",
+        "there is a frame around the picture",
+        "write the picture as the program has it, not the window",
+        (),
+        whole=True,
+    ),
+    Mistake(
+        "acne",
+        "surfaces shadow themselves here and there: rays meet the surface that they start on",
+        "start new rays a small epsilon off the surface, or ignore hits with t < epsilon",
+        variants(reaching=(None,)),
+    ),
+    Mistake(
+        "antialiased",
+        "outlines are smooth: pixels have more than one ray",
+        "the course has one ray for each pixel, through its middle",
+        (),
+        whole=True,
+    ),
+    Mistake(
+        "truncated",
+        "colours are rounded down to bytes",
+        "round to the nearest: int(255 c + 0.5); the course's own pictures are truncated, see --truncate",
+        variants(rounding=("down", "256")),
+    ),
+)
+_BY_NAME = {mistake.name: mistake for mistake in PICTURE_MISTAKES}
 
 _PROBES = 800  # pixels that are looked at
 _STEP = 8  # levels by which these differ from a neighbour: where all is alike, all placings fit
@@ -30,7 +168,7 @@ _MIXED, _SMOOTH = 12, 0.4  # edges with a pixel between their sides, and their s
 _FITTED = 8  # rounds in which a colour profile is fitted to the pixels that are nearest to it, wrong ones left out
 _COLORS = ("gamma", "swapped-channels", "grey", "inverted")
 _PLACES: tuple[Made, ...] = tuple(
-    {name: BY_NAME[name].variants[0] for name in names}
+    {name: _BY_NAME[name].variants[0] for name in names}
     for names in (("upside-down",), ("mirrored",), ("upside-down", "mirrored"), ("transposed",))
 )
 
@@ -202,7 +340,7 @@ def _places(square: bool) -> list[Made]:
 def _tried(square: bool) -> Iterator[Made]:
     """From what is simple to what is not."""
     places = _places(square)
-    colors = [{name: way} for name in _COLORS for way in BY_NAME[name].variants]
+    colors = [{name: way} for name in _COLORS for way in _BY_NAME[name].variants]
     yield from places[1:]
     yield from colors
     yield from ({**place, **color} for place in places[1:] for color in colors)
