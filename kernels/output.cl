@@ -73,6 +73,12 @@ static void keep_colors(const Shade3 color, const Outputs out, const int first) 
         out.so_far[first + (j >> 2) * out.pitch + (j & 3)] = (shade4)(red[j], green[j], blue[j], 0);
 }
 
+/* Of each pixel, the number of a triangle in its mesh, or of a cap -2 less the number of its plane; -1 of all else. */
+static INT primitives_in(const Scene *scene, const Hit hit) {
+    const INT primitive = primitives_of(scene, hit.id);
+    return HAS(WITH_PLANES) ? ((hit.id >= 0) & (hit.plane >= 0) ? -2 - hit.plane : primitive) : primitive;
+}
+
 /* Writes what the OUT_ flags ask for. first: index of the packet's first pixel in the outputs. */
 static void write(const Frame frame, const Scene *scene, const Packet packet, const Pixels pixels, const Work *work,
                   const Outputs out, const int first) {
@@ -104,7 +110,7 @@ static void write(const Frame frame, const Scene *scene, const Packet packet, co
     }
     if (HAS(OUT_DEPTH)) STORE(real, out.depth, first, pitch, 1, pixels.hit.t * sqrt(ray.a));
     if (HAS(OUT_ID)) STORE(int, out.id, first, pitch, 1, ids_of(scene, pixels.hit.id));
-    if (HAS(OUT_PRIMITIVE)) STORE(int, out.primitive, first, pitch, 1, primitives_of(scene, pixels.hit.id));
+    if (HAS(OUT_PRIMITIVE)) STORE(int, out.primitive, first, pitch, 1, primitives_in(scene, pixels.hit));
     if (HAS(OUT_UV)) {
         STORE(float, out.uv, first, pitch, 2, pixels.u);
         STORE(float, out.uv + 1, first, pitch, 2, pixels.v);

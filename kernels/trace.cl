@@ -26,7 +26,7 @@ static Ray primary_ray(const Frame frame, const int2 size, const INT column, con
 static Hit closest_hit(const Scene *scene, const Ray ray, const int2 tile, Work *work) {
     Hit hit = no_hit();
     EyeLine line = eye_line(scene, ray);
-    float reach = INFINITY; /* no lane has a use for anything of which the nearest point is beyond, squared */
+    float reach = FIRST_REACH(scene, ray, line, tile, &hit, work); /* nothing matters of which the nearest point is beyond, squared */
     const Grid grid = scene->lists.grid[0];
     Level level = first_level(grid);
     while (level.mask) {
@@ -61,7 +61,8 @@ static MASK cast_shadow_ray(const Scene *scene, const ShadowRay ray, const Start
     COUNT(SHADOW_RAYS, unsure);
     COUNT(UNSTOPPABLE, lit & !unsure);
     if (!ANY(unsure)) return lit;
-    return (lit & !unsure) | lit_after_all(scene, ray, start, unsure, work);
+    const MASK left = (lit & !unsure) | lit_after_all(scene, ray, start, unsure, work);
+    return HAS(WITH_PLANES) ? left & !stopped_by_caps(scene, &ray, &start, left) : left;
 }
 
 /* Adds what one light does to the colours of points, where it shines and nothing stands between. number: the light's
@@ -90,8 +91,9 @@ static Shade3 shade(const Scene *scene, const Real3 d, const REAL a, const Inter
                     Work *work) {
     if (!HAS(WITH_LIGHTS)) return at.ambient;
     const SHADE over = 1 / sqrt(TO_SHADE(a));
+    const INT left = HAS(WITH_PLANES) ? at.start.index : own;
     Lighting lighting = {{TO_SHADE(d.x) * over, TO_SHADE(d.y) * over, TO_SHADE(d.z) * over}, at.ambient, *rays};
-    for (int number = 0; number < scene->lights; number++) illuminate(scene, number, at, own, &lighting, work);
+    for (int number = 0; number < scene->lights; number++) illuminate(scene, number, at, left, &lighting, work);
     *rays = lighting.rays;
     return lighting.color;
 }

@@ -85,10 +85,22 @@ MUTATIONS = [
         "tests/kernels/test_cylinders.py -k hostile_pictures",
     ),
     Mutation(
-        "number < scene->spheres.first_cut;",
-        "1;",
-        "light where balls are cut",
-        "-m slow tests/kernels/test_cuts.py -k changes_a_pic",
+        "alone = asked & are_unclipped(scene, index), capped = planes >= 0;",
+        "alone = 0, capped = planes >= 0;",
+        "surfaces that planes do not clip",
+        "tests/kernels/test_clipped_pictures.py",
+    ),
+    Mutation(
+        "closed->odd ^= here & TO_MASK(sign > 0)",
+        "closed->odd ^= here",
+        "what a clipped mesh contains",
+        "tests/kernels/test_clipped_pictures.py",
+    ),
+    Mutation(
+        "return stops & (!met | in_region(spheres, &way, asked, at.t, met, LIGHT_ERROR));",
+        "return stops;",
+        "light through what is clipped",
+        "tests/kernels/test_clipped_pictures.py",
     ),
     Mutation(
         "hit = (e.discriminant >= 0) & (t > 0)",

@@ -33,6 +33,7 @@ MAX_LIGHTS = 1024
 MAX_PAIRS, PAIRS_BYTES, FEW = 750_000, 2**20, 64
 MAX_SPHERES = 2**26
 MAX_CYLINDERS = 2**24
+MAX_PLANES = 256  # that clip a scene: each ray asks all of them
 # In all meshes of a scene. A mesh that is placed twice counts twice.
 MAX_TRIANGLES = MAX_VERTICES = 2**26
 MAX_MESHES = 2**16

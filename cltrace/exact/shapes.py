@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Literal
 
 from cltrace.base.arithmetic import adjugate, cross, dot
+from cltrace.exact.clipping import Height
 from cltrace.exact.lines import Equation, ExactPoint, Line, Root, Vector, sign_along, sum_times
 from cltrace.exact.surds import Surd, over_common
 
@@ -71,6 +72,12 @@ class ExactSphere:
         v = p - self.center
         f, r = self.seen(v.numbers), self.radius * (v.over // self.over) * self.K_over
         return dot(f, f) - Surd(r * r), (v.over * self.K_over) ** 2
+
+    def contains_entry(self, height: Height) -> bool:
+        """Whether a line enters what a clipping plane keeps strictly inside of it."""
+        v, size = height.from_point(self.center)
+        Kv, r = self.seen(v), self.radius * self.K_over
+        return (dot(Kv, Kv).times(self.over * self.over) - (size * size).times(r * r)).sign() < 0
 
     def point(self, q: Sequence[Number]) -> ExactPoint:
         """The point center + radius K^-1 q / |q|. As |q| = sqrt(s), it is center + (radius K^-1 q / s) sqrt(s)."""
@@ -190,11 +197,6 @@ class ExactCylinder:
         c = dot(F, F) - Surd(r * r * self.uu * more * more)
         return Equation(line, dot(G, G).times(n * n), dot(F, G).times(n), c, over=n * n)
 
-    @property
-    def depth(self) -> int:
-        """How far the second plane is from the first one, times |u|."""
-        return self.uu
-
     def first(self, line: Line, t_min: float, t_max: float) -> Root | None:
         met = self.meet(line, t_min, t_max)
         return met and met[0]
@@ -223,7 +225,7 @@ class ExactCylinder:
         n, more = f.over, f.over // self.over
         # For t in whole directions, f and u over n: g is over n, h and u.u are over n^2.
         g, h = dot(line.way, self.axis).times(more * n), dot(f.numbers, self.axis).times(more)
-        side, beyond = self.round_part(line), _settled(h + Surd(self.depth * more * more), loose[1], n * n)
+        side, beyond = self.round_part(line), _settled(h + Surd(self.uu * more * more), loose[1], n * n)
         side, h = replace(side, c=_settled(side.c, loose[0], side.over**2)), _settled(h, loose[1], n * n)
         near: tuple[Root, Part] | None = None
         far: tuple[Root, Part] | None = None
@@ -249,13 +251,17 @@ class ExactCylinder:
         v = p - self.start
         more = v.over // self.over
         along = dot(v.numbers, self.axis).p * more
-        return along < 0 or along > self.depth * more * more or self.is_beside(p)
+        across = cross(v.numbers, self.axis)
+        beside = dot(across, across).p > self.radius * self.radius * self.uu * more * more
+        return along < 0 or along > self.uu * more * more or beside
 
-    def is_beside(self, p: ExactPoint) -> bool:
-        """Whether a rational point is strictly outside of what goes round the axis."""
-        v = p - self.start
-        across, more = cross(v.numbers, self.axis), v.over // self.over
-        return dot(across, across).p > self.radius * self.radius * self.uu * more * more
+    def contains_entry(self, height: Height) -> bool:
+        """Whether a line enters what a clipping plane keeps strictly inside of it."""
+        v, size = height.from_point(self.start)
+        along, across = dot(v, self.axis).times(self.over), cross(v, self.axis)
+        excess = dot(across, across).times(self.over * self.over)
+        excess -= (size * size).times(self.radius * self.radius * self.uu)
+        return along.sign() > 0 and (along - size.times(self.uu)).sign() < 0 and excess.sign() < 0
 
     def across(self, a: float, b: float) -> list[Fraction]:
         """a e1 + b e2, with e1 = x x u, x being the coordinate axis that u is furthest from, and e2 = u x e1."""

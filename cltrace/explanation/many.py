@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from cltrace.base.arithmetic import inverses
 from cltrace.explanation.space import Footprint
 from cltrace.explanation.triples import triple
-from cltrace.reference import Direction, Point, Round
+from cltrace.reference import Direction, Point, Ray, Round
+from cltrace.reference.lights import ShadowRay
 from cltrace.reference.rays import Way
 from cltrace.reference.spheres import maker
 from cltrace.reference.surfaces import Group, Setting, Surface
@@ -63,6 +64,9 @@ class Swarm(Group):
             rows = np.flatnonzero(~((_lengths(np.cross(f, w)) > room) | (f @ w < -room)))
         for row in rows.tolist():
             yield self.sphere(row)
+
+    def solids(self, ray: Ray | ShadowRay) -> Iterator[Surface]:
+        return self.parts(ray)
 
     def beside(self, o: Point, d: Direction, pixel: Footprint) -> Iterator[Round]:
         """Those that a ray may pass by by less than a pixel's width there. d: of length 1."""

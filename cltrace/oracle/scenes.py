@@ -14,6 +14,7 @@ from cltrace.oracle.search import Kinds
 from cltrace.oracle.shapes import KINDS
 from cltrace.oracle.spheres import array_of
 from cltrace.oracle.triangles import Triangles
+from cltrace.reference.any_rays import first_hits
 from cltrace.scene import Geometry, Scene
 
 
@@ -43,8 +44,13 @@ def closest_hit(
 
     Every ray tries every surface: less than 1 us for each, and some 100 us where whole numbers decide. Raises
     ValueError, which names the argument, where it is not of its shape or not finite, or a direction is 0.
+
+    A scene with clipping planes is left to the reference tracer, which takes milliseconds for each ray.
     """
     o, d = rays_of(origins, directions)
+    if len(scene.planes):
+        met = first_hits(scene, o, d, *(np.broadcast_to(t, len(o)) for t in (t_min, t_max)))
+        return Answer(met.id, met.primitive, met.t)
     kinds = kinds_of(scene)
     item, t = closest_item(kinds, o, d, t_min, t_max)
     id_, primitive = (np.append(numbers, -1)[item].astype(np.int32) for numbers in (kinds.surface, kinds.primitive))

@@ -365,21 +365,6 @@ ARGUMENTS = (
         needs="WITH_CYLINDERS",
     ),
     *_values("Scene", ("rods", "int", "how many cylinders there are"), needs="WITH_CYLINDERS"),
-    *_values(
-        "Spheres",
-        ("first_cut", "int", "how many of them come before the cut balls, which are the last"),
-        needs="WITH_CUTS",
-    ),
-    *_buffers(
-        "Spheres",
-        (
-            "cut",
-            "real4",
-            "for each cut ball, whose plane is in `rod` in place of ends: xyz: its centre, as `rod` has starts, w: "
-            "0 if only its disc is there, 1 if it is solid, 2 if a disc of a lower number covers its cut, too",
-        ),
-        needs="WITH_CUTS",
-    ),
     *_buffers(
         "Scene",
         ("rod_side", "char", "for each light in turn, on which side of each cylinder it is, as light_side"),
@@ -390,6 +375,34 @@ ARGUMENTS = (
             "length; xyz: along its axis, of length 1, w: its radius",
         ),
         needs="WITH_CYLINDERS",
+    ),
+    *_values("Spheres", ("planes", "int", "how many planes clip the scene"), needs="WITH_PLANES"),
+    *_buffers(
+        "Spheres",
+        (
+            "clip",
+            "real4",
+            "two for each plane, in the world: xyz: a point of it, in single from the scene's middle, w: the index in "
+            "material of its caps, -1: that of what they close; xyz: its normal towards the kept side",
+        ),
+        needs="WITH_PLANES",
+    ),
+    *_values(
+        "Scene",
+        ("surfaces", "int", "how many surfaces there are"),
+        ("solids", "int", "how many closed meshes the planes clip"),
+        ("unclipped", "int", "whether there are surfaces that the planes do not clip"),
+        needs="WITH_PLANES",
+    ),
+    *_buffers(
+        "Scene",
+        (
+            "solid_of",
+            "int",
+            "of a surface: -1: the planes do not clip it; > 0: it is a triangle of the closed mesh of that number; 0: "
+            "all others",
+        ),
+        needs="WITH_PLANES",
     ),
     *_values("Scene", ("patches", "int", "how many patches there are"), needs="WITH_PATCHES"),
     *_buffers("Scene", ("patch", "Patch", "the tree's leaves of triangles"), needs="WITH_PATCHES"),
@@ -535,8 +548,8 @@ FLAGS = {
     "PROVE_COLOR": "no float of `color` may depend on what is dropped, as no byte does",
     "WITH_SPHERES": "there are spheres, or no surfaces at all",
     "WITH_CYLINDERS": "there are cylinders",
-    "WITH_CUTS": "some of them are cut balls",
     "WITH_TRIANGLES": "there are meshes",
+    "WITH_PLANES": "planes clip the scene",
     "WITH_PATCHES": "rays from surfaces may meet triangles",
     "WITH_TREE": "rays from surfaces walk through a tree",
     "WITH_SAMPLES": "colours are means over pixels, of rays at fixed places",

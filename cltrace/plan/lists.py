@@ -39,7 +39,7 @@ class Grids:
         self._shapes = [i for i, count in enumerate(counts) if count or not i]
         self._visible = [np.ones(count, bool) for count in counts]
         # What is not in the picture itself may be seen in a mirror.
-        everywhere = "receivers" in request.keep or world.bounces.any
+        everywhere = "receivers" in request.keep or world.bounces.any or bool(world.clipping)
         self._receiver = np.full(self._total, everywhere)
         self._what = world.shapes[0].words if self._total == counts[0] else "surfaces"
         self.light_buffer = np.zeros((len(lights), 4), np.int32)
@@ -47,7 +47,7 @@ class Grids:
 
     def made(self, window: PictureWindow) -> Iterator[CellGrid]:
         """The grid of the tiles, then those of all light buffers. window: the picture's."""
-        if "hidden" not in self._request.keep:
+        if "hidden" not in self._request.keep and not self._world.clipping:
             for i, (first, shape) in enumerate(self._world.placed):
                 visible, count = self._sights[i].visible, len(shape.number)
                 if visible and count > 1:
@@ -116,6 +116,7 @@ class Grids:
         # Seen from outside, a sphere never stands between itself and a light; seen from inside, it may.
         inside = np.concatenate([sight.inside for sight in self._sights]) | self._world.bounces.glass
         np.fill_diagonal(shadows, inside)
-        casting = np.asarray(shadows.any(axis=0) | ("receivers" in keep))
-        stops = int(((shadows.any(axis=1) | ("unstopped" in keep)) << np.arange(n)).sum())
+        clipped = bool(self._world.clipping)
+        casting = np.asarray(shadows.any(axis=0) | ("receivers" in keep) | clipped)
+        stops = int(((shadows.any(axis=1) | ("unstopped" in keep) | clipped) << np.arange(n)).sum())
         return iter([whole_grid(casting)] if casting.any() else []), stops

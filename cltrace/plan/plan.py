@@ -55,7 +55,7 @@ def features(world: ScenePacking, camera: AnyCamera, inside: bool, request: Requ
     textures = shading and len(world.textures.place) > 0
     sampled = shading and request.means
     uv = textures or "uv" in request.outputs
-    bounded = request.precision != "single" and KEPT.isdisjoint(request.keep)
+    bounded = request.precision != "single" and KEPT.isdisjoint(request.keep) and not world.clipping
     points = lit and (at_points or full) and bounded
     needed = {"shape": True, "bounces": bounces, "points": points}
     flags = {f"OUT_{name.upper()}": True for name in request.outputs}
@@ -90,6 +90,9 @@ def features(world: ScenePacking, camera: AnyCamera, inside: bool, request: Requ
         "KEEP_HIGHLIGHTS": lit and "highlights" in request.keep,
         "KEEP_WEIGHTLESS": bounces and "weightless" in request.keep,
     }
+    if world.clipping:
+        # Clipped rays are decided in the world, and as those are that may start anywhere.
+        flags |= dict.fromkeys(("WITH_PLANES", "WITH_LEAVING", "WITH_SHAPES", "WITH_PLACED"), True)
     flags[SHAPES[0].flag] |= not surfaces  # without any, the kernel knows the first shape alone
     return frozenset(name for name, wanted in flags.items() if wanted)
 

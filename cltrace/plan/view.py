@@ -115,6 +115,7 @@ class CameraView:
             **(world.paths.arrays() if world.paths else {}),
         }
         arrays |= _shades(world) | world.textures.arrays()
+        arrays |= world.clipping.arrays(real, exponent, world.paths)
         values = {
             "lights": len(world.lights),
             "materials": len(world.materials.packed),
@@ -122,6 +123,7 @@ class CameraView:
             "proved": 0,
             "bounces": camera.max_bounces,
             "ahead": (*(-basis[2]).tolist(), 0.0),
+            **world.clipping.values(),
             **(world.paths.values(camera, exponent) if world.paths else NO_PATHS),
         }
         for first, shape in world.placed:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from cltrace.base.arrays import joined
 from cltrace.base.limits import LISTS_SHARE, MAX_SECONDS, PAIRS_BYTES
 from cltrace.plan.accel.tree import Paths
+from cltrace.plan.clipping import Clipping
 from cltrace.plan.lights import useful_lights
 from cltrace.plan.materials import NO_BOUNCES, NO_TEXTURES, Bounces, Materials, Textures, brightest
 from cltrace.plan.request import Request
@@ -40,10 +41,10 @@ class ScenePacking:
     shapes: the surfaces of each of SHAPES, in that order; id: (n,), the number of each one in the scene, where a
     triangle has its mesh's; material_of: (n,), the index of each one's material in materials; textures: those that
     surfaces have; lights: (m,) of the scene's lamps, those that can add to a colour, in the order of LIGHT_KINDS; soft:
-    whether any light is soft, and so stands for many; bounces: what surfaces do with rays; paths: what rays need that
-    leave surfaces, None where no ray does; background: linear (r, g, b); peak: (3,), brightest() where a ray may become
-    two, else 0; patience: seconds that lists may take, see Grids; skipped: what the scene does not need, in words, and
-    how often; seconds: what took how long: "tree".
+    whether any light is soft, and so stands for many; bounces: what surfaces do with rays; clipping: the planes that
+    clip them; paths: what rays need that leave surfaces, None where no ray does; background: linear (r, g, b); peak:
+    (3,), brightest() where a ray may become two, else 0; patience: seconds that lists may take, see Grids; skipped:
+    what the scene does not need, in words, and how often; seconds: what took how long: "tree".
     """
 
     shapes: tuple[ShapePacking, ...]
@@ -54,6 +55,7 @@ class ScenePacking:
     lights: NDArray[np.void]
     soft: bool
     bounces: Bounces
+    clipping: Clipping
     paths: Paths | None
     background: Vector
     peak: Array
@@ -88,6 +90,7 @@ class ScenePacking:
         shapes = tuple(row.of(scene, request, one) for row, one in zip(SHAPES, known, strict=True))
         # The number and the place of each surface are those that they were.
         same = before.world if before and all(a is b for a, b in zip(shapes, old, strict=True)) else None
+        same = same if before and before.scene.planes is scene.planes else None
         materials, of = _materials(scene, request, shapes, before)
         lights = useful_lights(scene.lamps, materials.reflect(of), "lights" in request.keep)
         useless = int((scene.lamps["kind"] != AMBIENT).sum()) - len(lights)
@@ -101,7 +104,7 @@ class ScenePacking:
         paths, seconds = None, dict[str, float]()
         if same and same.bounces.any == bounces.any:
             paths = same.paths
-        elif len(of) and (bounces.any or any(shape.leave for shape in shapes)):
+        elif len(of) and (bounces.any or len(scene.planes) or any(shape.leave for shape in shapes)):
             with timed(seconds, "tree"):
                 names = {name for shape in shapes for name in shape.tree}
                 parts = {name: joined([shape.tree[name] for shape in shapes if name in shape.tree]) for name in names}
@@ -115,6 +118,7 @@ class ScenePacking:
             lights=lights,
             soft=scene.lamps is not scene.lights,
             bounces=bounces,
+            clipping=same.clipping if same else Clipping.of(scene, shapes),
             paths=paths,
             background=scene.background,
             peak=peak,
@@ -130,6 +134,7 @@ class ScenePacking:
             all(one is another for one, another in zip(self.shapes, other.shapes, strict=True))
             and self.id is other.id
             and self.paths is other.paths
+            and self.clipping is other.clipping
             and self.lights.tobytes() == other.lights.tobytes()
             and (self.bounces.any, self.bounces.glass) == (other.bounces.any, other.bounces.glass)
             and (not self.bounces.any or np.array_equal(self.opaque, other.opaque))
@@ -161,7 +166,7 @@ def _materials(
         if all(one.row is another.row for one, another in zip(shapes, world.shapes, strict=True)):
             return world.materials, world.material_of
     of = joined([shape.material(scene) for shape in shapes])
-    if scene.columns.materials_count > len(of) // 2 and not scene.meshes:
+    if scene.columns.materials_count > len(of) // 2 and not scene.meshes and not len(scene.planes):
         return Materials.of(scene, request, of), np.arange(len(of), dtype=np.int32)
     return Materials.of(scene, request, None), of
 

@@ -15,6 +15,7 @@ the files in this order:
     triangles.py   Mesh, Triangle
     cylinders.py   Cylinder
     bounce.py      where a ray goes on from a mirror or through glass: bounces, mirrored, refracted
+    clipping.py    Region, what clipping planes keep, and the caps of what they open
     world.py       World: a scene as these objects, and the table of shapes
     records.py     what is decided on the way: Illumination, Shading, Sight; Pixel, which sums up what rays see
     trace.py       the algorithm: primary_ray, closest_hit, intersection_at, cast_shadow_ray, illuminate, shade,

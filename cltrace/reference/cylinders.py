@@ -6,15 +6,19 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cltrace.exact.lines import ExactPoint, Root
+from cltrace.exact.lines import ExactPoint, Line, Root
 from cltrace.exact.shapes import ExactCylinder, Part
 from cltrace.reference.lights import ShadowRay
 from cltrace.reference.rays import Ray, Start, Way, exact_line, way_of
 from cltrace.reference.surfaces import UV, Intersection, Material, Setting, Surface
 from cltrace.reference.vectors import Direction, Point, size_of
+
+if TYPE_CHECKING:
+    from cltrace.reference.clipping import Entry
 
 
 @dataclass(frozen=True)
@@ -76,26 +80,19 @@ class Cylinder(Surface):
     def __init__(self, of: np.void, setting: Setting, material: Material) -> None:
         self.start, self.end = Point(*of["start"].tolist()), Point(*of["end"].tolist())
         self.radius, self.number = float(of["radius"]), int(of["number"])
+        self.clipped = not of["unclipped"]
         self.view, self.material = setting.view, material
         self.axis = self.end - self.start
         self.reach = size_of(self.axis) + self.radius
-        self.exact = self.solid(of)
+        self.exact = ExactCylinder(self.start, self.end, self.radius)
         self.seen_start, self.seen_end = (self.view.seen(ExactPoint.of(p)) for p in (self.start, self.end))
         helper = [0.0, 0.0, 0.0]
         helper[min(range(3), key=lambda i: abs(tuple(self.axis)[i]))] = 1.0
         self.e1 = Direction(*helper).cross(self.axis)
         self.e2 = self.axis.cross(self.e1)
 
-    def solid(self, of: np.void) -> ExactCylinder:
-        """What it is, exactly."""
-        return ExactCylinder(self.start, self.end, self.radius)
-
-    def passes_by(self, way: Way | None) -> bool:
-        """Whether a ray surely passes by it, in doubles."""
-        return passes_by(self, way)
-
     def intersect(self, ray: Ray) -> float | None:
-        if self.passes_by(way_of(ray, self.view)):
+        if passes_by(self, way_of(ray, self.view)):
             return None
         met = self.exact.meet(exact_line(ray, self.view), ray.t_min, ray.t_max)
         return float(met[0]) if met else None
@@ -107,9 +104,18 @@ class Cylinder(Surface):
         if ray.start.surface is self:
             # It is convex: as of a sphere.
             return ray.inside and (ray.light.parallel or self.exact.is_outside(ray.light.exact))
-        if self.passes_by(ray.way_of_light):
+        if passes_by(self, ray.way_of_light):
             return False
         return self.exact.meet(ray.line, 0.0, ray.t_max, self.loose(ray.start)) is not None
+
+    def blocking_root(self, ray: ShadowRay) -> tuple[Line, Root]:
+        own = ray.start.surface is self
+        met = self.exact.meet(ray.line, 0.0, ray.t_max, (0, 0) if own else self.loose(ray.start))
+        assert met
+        return ray.line, met[0]
+
+    def contains(self, entry: Entry) -> bool:
+        return self.exact.contains_entry(entry.height)
 
     def loose(self, start: Start) -> tuple[float, float]:
         """Below what the start of a shadow ray counts as on the side, and as on an end's plane: see ExactCylinder.

@@ -7,14 +7,17 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from cltrace.exact.lines import Equation, ExactPoint, Root
+from cltrace.exact.lines import Equation, ExactPoint, Line, Root
 from cltrace.exact.shapes import ExactSphere
 from cltrace.reference.lights import ShadowRay
 from cltrace.reference.rays import OnPlane, Ray, Start, View, exact_line
 from cltrace.reference.surfaces import UV, Intersection, Material, Setting, Surface
 from cltrace.reference.vectors import EYE, Direction, Matrix, Point, size_of
+
+if TYPE_CHECKING:
+    from cltrace.reference.clipping import Entry
 
 AHEAD = Direction(0.0, 0.0, -1.0)
 FLOOR = 2.0**-900  # covers what underflows
@@ -140,6 +143,14 @@ class Round(Surface):
             return ray.inside and (ray.light.parallel or self.exact.side_of(ray.light.exact) > 0)
         sure = surely_blocks(self, ray)
         return self.exact.first(ray.line, 0.0, ray.t_max) is not None if sure is None else sure
+
+    def blocking_root(self, ray: ShadowRay) -> tuple[Line, Root]:
+        root = self.exact.first(ray.line, 0.0, ray.t_max)
+        assert root
+        return ray.line, root
+
+    def contains(self, entry: Entry) -> bool:
+        return self.exact.contains_entry(entry.height)
 
     # q is the normal of a Start, unit to rounding.
 

@@ -7,14 +7,17 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from cltrace.exact.lines import Root
+from cltrace.exact.lines import Line, Root
 from cltrace.reference.lights import ShadowRay
 from cltrace.reference.rays import Ray, Start, View, Way, way_of
 from cltrace.reference.vectors import Color, Direction, Point
 from cltrace.scene import FULL, Scene
 from cltrace.scene import Texture as Texels
+
+if TYPE_CHECKING:
+    from cltrace.reference.clipping import Entry
 
 UV = tuple[float, float]
 
@@ -143,7 +146,8 @@ class Surface(ABC):
     """Something that can be hit.
 
     number: among the scene's surfaces; view: the camera's; spread: of its normals' rounding, see bounce.lift();
-    shape: what its normals are made of; kind: what it is in a file; primitive: the number of a triangle in its mesh.
+    shape: what its normals are made of; kind: what it is in a file; primitive: the number of a triangle in its mesh;
+    clipped: whether clipping planes clip it.
     """
 
     material: Material
@@ -153,6 +157,7 @@ class Surface(ABC):
     shape: str
     kind: str
     primitive: int = -1
+    clipped: bool = True
 
     @abstractmethod
     def intersect(self, ray: Ray) -> float | None:
@@ -169,6 +174,18 @@ class Surface(ABC):
     @abstractmethod
     def blocks(self, ray: ShadowRay) -> bool:
         """Whether this surface stands between the start of a shadow ray and the light."""
+
+    def blocking_root(self, ray: ShadowRay) -> tuple[Line, Root]:
+        """Where a surface that blocks a shadow ray does so: the line and its root."""
+        raise NotImplementedError
+
+    def contains(self, entry: Entry) -> bool:
+        """Whether it is a closed surface, and a ray enters the region of clipping planes strictly inside of it."""
+        return False
+
+    def solids(self, ray: Ray | ShadowRay) -> Iterator[Surface]:
+        """What of it may contain a point of a ray: itself, where it is no group of solids."""
+        yield self
 
     def parts(self, ray: Ray | ShadowRay) -> Iterator[Surface]:
         """What a ray may meet of it, by rising numbers: itself, where it is no group."""

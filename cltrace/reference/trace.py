@@ -35,7 +35,8 @@ def primary_ray(camera: AnyCamera, u: int, v: int) -> Ray:
 
 def closest_hit(world: World, ray: Ray) -> Intersection | None:
     """The nearest intersection; of equally near ones, that with the surface of the lowest number."""
-    met = first_met(world.surfaces, ray)
+    surfaces = world.region.parts(world.surfaces, ray) if world.region.planes else world.surfaces
+    met = first_met(surfaces, ray)
     return intersection_at(ray, *met) if met else None
 
 
@@ -47,6 +48,8 @@ def intersection_at(ray: Ray, t: float, surface: Surface) -> Intersection:
 def cast_shadow_ray(world: World, at: Intersection, light: Light) -> bool:
     """Whether anything stands between the point and the light; what is behind the light does not."""
     ray = ShadowRay(at.start, at.inside, light)
+    if world.region.planes:
+        return any(world.region.blockers(world.surfaces, ray))
     return any(surface.blocks(ray) for surface in world.surfaces)
 
 

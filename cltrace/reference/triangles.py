@@ -6,16 +6,20 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cltrace.exact.lines import ExactPoint, Root
+from cltrace.exact.lines import ExactPoint, Line, Root
 from cltrace.exact.shapes import Across, ExactTriangle
 from cltrace.reference.lights import ShadowRay
 from cltrace.reference.rays import Ray, Start, Way, exact_line, way_of
 from cltrace.reference.surfaces import UV, Group, Intersection, Setting, Surface
 from cltrace.reference.vectors import Direction, Matrix, Point, size_of
 from cltrace.scene import PlacedMesh
+
+if TYPE_CHECKING:
+    from cltrace.reference.clipping import Entry
 
 Weights = tuple[float, float, float]  # of a triangle's corners A, B and C, which add up to 1
 
@@ -89,12 +93,22 @@ class Mesh(Group):
         super().__init__(of.number, setting.view)
         self.of, self.material = of, setting.material(of.material)
         self.normal_to_world = Matrix(*(Direction(*row) for row in of.normal_to_world.tolist()))
+        self.clipped = of.clipped
         self._triangles: dict[int, Triangle] = {}
 
     def triangle(self, primitive: int) -> Triangle:
         if primitive not in self._triangles:
             self._triangles[primitive] = Triangle(self, primitive)
         return self._triangles[primitive]
+
+    def contains(self, entry: Entry) -> bool:
+        """By an odd number of triangles beyond the point, which none of them holds."""
+        if not self.of.geometry.closed:
+            return False
+        parts = (part for part in self.parts(entry.ray) if isinstance(part, Triangle))
+        met = (part.exact.met_by(entry.height.line) for part in parts)
+        sides = [entry.height.sign_at(across.root) for across in met if across]
+        return 0 not in sides and sides.count(1) % 2 == 1
 
     def near(self, way: Way | None) -> Iterator[Triangle]:
         """The triangles that a ray may meet, in order. All others it surely passes by.
@@ -249,6 +263,7 @@ class Triangle(RoughFace, Surface):
     def __init__(self, mesh: Mesh, primitive: int) -> None:
         self.mesh, self.primitive, self.number = mesh, primitive, mesh.number
         self.view, self.material, self.front = mesh.view, mesh.material, int(mesh.of.front[primitive])
+        self.clipped = mesh.clipped
         shape = mesh.of.geometry
         super().__init__(*(Point(*place) for place in mesh.of.vertices[shape.faces[primitive]].tolist()))
         normal_of, uv_of = shape.normal_of[primitive], shape.uv_of[primitive]
@@ -288,6 +303,11 @@ class Triangle(RoughFace, Surface):
             if sure is not None:
                 return sure
         return self.exact.first(ray.line_of_light, 0.0, ray.t_max) is not None
+
+    def blocking_root(self, ray: ShadowRay) -> tuple[Line, Root]:
+        across = self.exact.met_by(ray.line_of_light)
+        assert across
+        return ray.line_of_light, across.root
 
     def intersection_at(self, ray: Ray, t: float) -> Intersection:
         crossing = self._crossing(ray)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cltrace.reference import lights
-from cltrace.reference.cut import cuts
+from cltrace.reference.clipping import Region, region_of
 from cltrace.reference.cylinders import cylinders
 from cltrace.reference.lights import Light
 from cltrace.reference.rays import view_of
@@ -23,15 +23,16 @@ Kinds = Mapping[str, Callable[[Setting], Iterable[Surface]]]
 
 # The table of shapes: what makes a scene's surfaces of each kind, which do not overlap in their numbers. To add one is
 # to add its file and a row: nothing else names a kind of surface.
-KINDS: Kinds = {"spheres": spheres, "meshes": meshes, "cylinders": cylinders, "cuts": cuts}
+KINDS: Kinds = {"spheres": spheres, "meshes": meshes, "cylinders": cylinders}
 
 
 @dataclass(frozen=True)
 class World:
-    """A scene in camera space. surfaces: in the order of their numbers."""
+    """A scene in camera space. surfaces: in the order of their numbers; region: what its planes keep."""
 
     camera: AnyCamera
     surfaces: Sequence[Surface]
+    region: Region
     lights: Sequence[Light]
     ambient: Color
     background: Color
@@ -47,7 +48,12 @@ def world_of(scene: Scene, kinds: Kinds = KINDS) -> World:
     lamps = [lights.KINDS[int(light["kind"])](light, view) for light in shining]
     ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
     return World(
-        scene.camera, surfaces, lamps, ambient=color_of(ambient), background=color_of(np.array(scene.background))
+        scene.camera,
+        surfaces,
+        region_of(setting),
+        lamps,
+        ambient=color_of(ambient),
+        background=color_of(np.array(scene.background)),
     )
 
 

@@ -13,6 +13,7 @@ from cltrace.base.arithmetic import Floats
 from cltrace.base.errors import DeviceError
 from cltrace.oracle.rays import Ids
 from cltrace.oracle.scenes import closest_item, kinds_of
+from cltrace.reference.any_rays import FirstHits, first_hits
 from cltrace.renderers.surface_points import Rays, Spots, spots_of
 from cltrace.run.devices import choose
 from cltrace.run.rays import RayTracer
@@ -72,6 +73,25 @@ class Hits:
     @cached_property
     def uv(self) -> Floats:
         return self._spots(with_uv=True).uv
+
+
+class ClippedHits(Hits):
+    """The same of a scene that planes clip."""
+
+    def __init__(self, met: FirstHits) -> None:
+        self.t, self.id, self.primitive, self._met = met.t, met.id, met.primitive, met
+
+    @property
+    def point(self) -> Floats:
+        return self._met.point
+
+    @property
+    def normal(self) -> Floats:
+        return self._met.normal
+
+    @property
+    def uv(self) -> Floats:
+        return self._met.uv
 
 
 class Surfaces:
@@ -173,6 +193,9 @@ def trace_rays(
     are fewer rays, and all rays where there is no device that has doubles. The first call with many rays compiles the
     kernel and builds a tree of the surfaces, which are kept as long as the scene is.
 
+    Rays of a scene that planes clip are left to the reference tracer, which takes milliseconds for each. A cap has the
+    `primitive` -2 less the number of its plane.
+
     Parameters
     ----------
     scene : Scene
@@ -196,6 +219,8 @@ def trace_rays(
     if not isinstance(scene, Scene):
         raise TypeError(f"scene: must be a cltrace.Scene, such as cltrace.load() gives, got {described(scene)}")
     o, d, low, high = _checked(origins, directions, t_min, t_max)
+    if len(scene.planes):
+        return ClippedHits(first_hits(scene, o, d, low, high))
     surfaces = surfaces_of(scene)
     item, t = surfaces.first_hits(scene, o, d, low, high)
     return Hits(surfaces, item, o, d, t)

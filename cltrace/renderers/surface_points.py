@@ -14,7 +14,6 @@ import numpy as np
 from cltrace.base.arithmetic import Floats, Pair, add, cross, dot, mul, two_sum
 from cltrace.base.arrays import blockwise
 from cltrace.exact.fine import Fine, fine_vector, select
-from cltrace.oracle.cuts import Cuts
 from cltrace.oracle.cylinders import Cylinders
 from cltrace.oracle.rays import Ids
 from cltrace.oracle.search import Kind
@@ -117,20 +116,10 @@ def _on_spheres(kind: Spheres, i: Ids, rays: Rays, with_uv: bool) -> Spots:
 
 
 def _on_cylinders(kind: Cylinders, i: Ids, rays: Rays, with_uv: bool) -> Spots:
-    """On the flat end, the other one, or the side: where the point at t is the nearest, and on the rim on an end.
-
-    A ball that a plane has cut has one flat end, and a sphere in place of the side.
-    """
+    """On the flat end, the other one, or the side: where the point at t is the nearest, and on the rim on an end."""
     start, r, w = kind.starts[i], kind.radii[i], rays.w
     p, u = rays.seen_from(start)[0], kind.ends[i] - kind.starts[i]
     uu, wu, pu = ((v * u).sum(axis=1) for v in (u, w, p))
-    if isinstance(kind, Cuts):
-        f, d = rays.seen_from(kind.centers[i])[0].T, w.T
-        X, a, b = cross(f, d), dot(d, d), dot(f, d)
-        s = _small_root(a, b, dot(f, f) - r * r, a * r * r - dot(X, X))
-        flat = kind.flat[i] | ~(np.abs(pu / wu) > np.abs(s))
-        s = np.where(flat, np.where(wu != 0, -pu / wu, 0), s)[:, None]
-        return Spots(start + (p + s * w), np.where(flat[:, None], -u, f.T + s * w), np.zeros((len(i), 2)))
     F, G, V = cross(p.T, u.T), cross(w.T, u.T), dot(u.T, cross(p.T, w.T))
     a = dot(G, G)
     side = _small_root(a, dot(F, G), dot(F, F) - r * r * uu, uu * (a * r * r - V * V))

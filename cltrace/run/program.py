@@ -53,6 +53,7 @@ SOURCES = (
     "shapes/triangle/eye.cl",
     "shapes/triangle/leaving.cl",
     "shapes/dispatch.cl",
+    "find/range.cl",
     "find/leaves.cl",
     "find/bundle.cl",
     "find/balls.cl",

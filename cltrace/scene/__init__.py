@@ -2,6 +2,7 @@
 
 from cltrace.scene.camera import AnyCamera, Camera, Orthographic, check_resolution
 from cltrace.scene.changes import with_spheres
+from cltrace.scene.clipping import PLANE
 from cltrace.scene.cylinders import CYLINDER, Bonds, axes, box_corners, box_edges, box_images
 from cltrace.scene.lights import (
     AMBIENT,
@@ -31,6 +32,5 @@ from cltrace.scene.materials import FULL, MATERIAL, SIGNED_FULL, Material, Textu
 from cltrace.scene.meshes import Geometry, Mesh, PlacedMesh, place_faults
 from cltrace.scene.rules import ANY, CONE, FOV, NOT_NEGATIVE, POSITIVE, Rule, Vector
 from cltrace.scene.scene import OTHER_FIELDS, Scene, share_all_but_camera
-from cltrace.scene.shapes.cut import CUT
 from cltrace.scene.source import MeshFile, Source
 from cltrace.scene.spheres import SPHERE, extent_faults, inverse_faults, reaches, uniform_scales

@@ -40,6 +40,7 @@ CYLINDER = np.dtype(
         ("radius", "f8"),  # scene units
         ("material", "i4"),  # index into the scene's materials
         ("number", "i4"),  # among all surfaces
+        ("unclipped", "i4"),  # 1: the scene's planes do not clip it
     ]
 )
 

@@ -76,6 +76,16 @@ class Geometry(Frozen):
         }
         self.__setstate__(state)
 
+    @functools.cached_property
+    def closed(self) -> bool:
+        """Whether each edge belongs to an even number of triangles. Vertices at one place count as one."""
+        _, place = np.unique(self.vertices + 0.0, axis=0, return_inverse=True)
+        corners = place.reshape(-1)[self.faces].astype(np.int64)
+        ends = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
+        ends = ends[ends[:, 0] != ends[:, 1]]
+        _, counts = np.unique(ends[:, 0] * len(self.vertices) + ends[:, 1], return_counts=True)
+        return bool((counts % 2 == 0).all())
+
     def __repr__(self) -> str:
         return f"<cltrace geometry: {len(self.faces)} triangles, {len(self.vertices)} vertices>"
 
@@ -86,8 +96,7 @@ class PlacedMesh(Frozen):
 
     geometry: a Geometry, which several may share; to_world: (3, 4) doubles, the affine map from its space to the world,
     of which the last column is the translation in scene units; material: the index of a material of the scene; number:
-    the surface's, in the order of the file, in which spheres count, too; cut_from: the mesh that planes have cut this
-    one from, None where none has, and planes: (k, 2, 3), two points of each, see clipping.Half.
+    the surface's, in the order of the file, in which spheres count, too; clipped: whether the scene's planes clip it.
 
     Raises ValueError where the map is singular, or takes vertices to where the rules allow none.
     """
@@ -96,10 +105,16 @@ class PlacedMesh(Frozen):
     to_world: NDArray[np.float64]
     material: int
     number: int
-    cut_from: PlacedMesh | None
-    planes: NDArray[np.float64]
+    clipped: bool
 
-    def __init__(self, geometry: Geometry, to_world: ArrayLike = _IDENTITY, material: int = 0, number: int = 0) -> None:
+    def __init__(
+        self,
+        geometry: Geometry,
+        to_world: ArrayLike = _IDENTITY,
+        material: int = 0,
+        number: int = 0,
+        clipped: bool = True,
+    ) -> None:
         if not isinstance(geometry, Geometry):
             raise TypeError(f"mesh.geometry: must be a cltrace.scene.Geometry, got {described(geometry)}")
         for name, value in (("material", material), ("number", number)):
@@ -109,7 +124,7 @@ class PlacedMesh(Frozen):
         for fault in place_faults(place):
             raise ValueError(f"mesh.to_world: {fault}")
         self.__setstate__({"geometry": geometry, "to_world": place, "material": int(material), "number": int(number)})
-        self.__setstate__({"cut_from": None, "planes": np.zeros((0, 2, 3))})
+        self.__setstate__({"clipped": bool(clipped)})
         if self.vertices is not geometry.vertices:  # which are checked
             check_rule("mesh.to_world: in the world, vertices", ANY, self.vertices)
 
@@ -169,16 +184,7 @@ class PlacedMesh(Frozen):
             return self.of(self.material, number)
         place = self.to_world.copy()
         place[:, 3] += offset
-        found = PlacedMesh(self.geometry, place, self.material, number)
-        if self.cut_from is not None:
-            found.__setstate__({"cut_from": self.cut_from.moved(offset, number), "planes": self.planes + offset})
-        return found
-
-    def cut_by(self, planes: NDArray[np.float64], whole: PlacedMesh) -> PlacedMesh:
-        """The same as what planes have left of another mesh."""
-        other = self.of(self.material, self.number)
-        other.__setstate__({"cut_from": whole, "planes": planes})
-        return other
+        return PlacedMesh(self.geometry, place, self.material, number, self.clipped)
 
     def __repr__(self) -> str:
         return f"<cltrace mesh {self.number}: {len(self.geometry.faces)} triangles, material {self.material}>"
@@ -198,7 +204,7 @@ class Mesh(Frozen):
     within 0..1; values: (v,) or (f,) numbers that are shown as colours instead, with cmap, clim and norm, also as
     there. A vertex has exactly its colour, and between vertices, colours and values are interpolated. The material's
     colour, white as a rule, is multiplied with them. They take the place of uv and a texture, so the output uv is where
-    they are stored.
+    they are stored. clipped: whether the planes of Scene.clipped() clip it.
 
     Both sides of a triangle are seen. Its front, which matters to glass, is the side that its normals point to; without
     normals it is the one from which the corners go round counter-clockwise. `Mesh.of` takes other libraries' objects.
@@ -225,6 +231,7 @@ class Mesh(Frozen):
         cmap: Any = None,
         clim: ArrayLike | None = None,
         norm: Any = None,
+        clipped: bool = True,
     ) -> None:
         bare = Geometry(vertices, faces)
         directions, normal_of = _given("mesh.normals", normals, bare, width=3) or (bare.normals, bare.normal_of)
@@ -236,7 +243,7 @@ class Mesh(Frozen):
                 raise ValueError("mesh.uv: must not be given together with colors or values")
             places, uv_of = found.uv, found.uv_of
         geometry = bare.changed(normals=directions, normal_of=normal_of, uv=places, uv_of=uv_of)
-        self.__setstate__(_checked_parts(geometry, material, transform, found))
+        self.__setstate__(_checked_parts(geometry, material, transform, found, clipped))
 
     @property
     def vertices(self) -> NDArray[np.float64]:
@@ -277,7 +284,8 @@ class Mesh(Frozen):
         if isinstance(thing, Mesh):
             if any(given is not None for given in shown.values()):
                 raise ValueError("mesh.colors: must not be given with a Mesh, which has its own")
-            return thing.changed(**_checked_parts(thing.geometry, material, transform, thing.colors))
+            clipped = thing.placed.clipped
+            return thing.changed(**_checked_parts(thing.geometry, material, transform, thing.colors, clipped))
         found = Found.of(thing)
         own = found.colors if colors is None and values is None else colors
         shown |= {"colors": own, "values": found.values(values)}
@@ -288,7 +296,7 @@ class Mesh(Frozen):
 
 
 def _checked_parts(
-    geometry: Geometry, material: Material, transform: ArrayLike | None, colors: MeshColors | None
+    geometry: Geometry, material: Material, transform: ArrayLike | None, colors: MeshColors | None, clipped: bool
 ) -> dict[str, Any]:
     """The fields of a Mesh."""
     if not isinstance(material, Material):
@@ -296,6 +304,8 @@ def _checked_parts(
     if colors and material.texture is not None:
         raise ValueError("mesh.material: must have no texture where there are colors or values")
     placed = PlacedMesh(geometry) if transform is None else _transformed(geometry, transform)
+    if not clipped:
+        placed = PlacedMesh(geometry, placed.to_world, clipped=False)
     return {"geometry": geometry, "material": material, "placed": placed, "colors": colors}
 
 

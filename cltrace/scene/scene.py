@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.limits import MAX_CYLINDERS
 from cltrace.scene.camera import AnyCamera, Camera, Orthographic
-from cltrace.scene.clipping import clipped
+from cltrace.scene.clipping import Planes, clipped
 from cltrace.scene.colormaps import Scale, colors_given
 from cltrace.scene.colors import Transfer, background_of, check_transfer, decoded
 from cltrace.scene.cylinders import Bonds, Cylinders, bonds_of, cylinders_of, halved, linear, materials_of
@@ -36,7 +36,6 @@ from cltrace.scene.materials import (
 )
 from cltrace.scene.meshes import Mesh, Meshes, PlacedMesh, check_size, materials_shown, mesh_list
 from cltrace.scene.rules import ANY, POSITIVE, Vector, checked, described, records_of
-from cltrace.scene.shapes.cut import Cuts
 from cltrace.scene.source import Source
 from cltrace.scene.spheres import (
     SPHERE,
@@ -54,7 +53,7 @@ from cltrace.scene.surfaces import NumberedSurfaces, Surfaces, fields_of
 Lights = Iterable[NDArray[np.void]] | NDArray[np.void]
 # The surfaces beside the spheres, in the order in which they are numbered, after these. Cylinders are last, as their
 # number changes where bonds follow the spheres.
-OTHERS: tuple[type[NumberedSurfaces], ...] = (Meshes, Cuts, Cylinders)
+OTHERS: tuple[type[NumberedSurfaces], ...] = (Meshes, Planes, Cylinders)
 OTHER_FIELDS = tuple(f.name for row in OTHERS for f in fields(row))  # of Scene
 
 
@@ -77,10 +76,10 @@ class Scene(Frozen):
     linear with either.
 
     cylinders: an (n,) array of the dtype CYLINDER, with flat ends; bonds: what moves the first ones of them with the
-    spheres, None for none; cuts: an (n,) array of the dtype CUT, balls that clipped() has cut.
+    spheres, None for none; planes: a (k,) array of the dtype PLANE, which clip the scene, see clipped().
 
-    All surfaces are numbered together, from 0, in the order of the file: that is a surface's id in a picture. Meshes,
-    cut balls and cylinders know their numbers, and the spheres have those that these leave.
+    All surfaces are numbered together, from 0, in the order of the file: that is a surface's id in a picture. Meshes
+    and cylinders know their numbers, and the spheres have those that these leave.
 
     source: the lines of the file that it was read from, a cltrace.scene.Source; scale: how the values of spheres become
     colours. Both are None of a scene that is made otherwise, as dataclasses.replace() does.
@@ -102,7 +101,7 @@ class Scene(Frozen):
     transfer: Transfer
     cylinders: NDArray[np.void]
     bonds: Bonds | None
-    cuts: NDArray[np.void]
+    planes: NDArray[np.void]
     source: Source | None = field(default=None, init=False)
     scale: Scale | None = field(default=None, init=False)
 
@@ -121,7 +120,7 @@ class Scene(Frozen):
         transfer: Transfer = "linear",
         cylinders: NDArray[np.void] | None = None,
         bonds: Bonds | None = None,
-        cuts: NDArray[np.void] | None = None,
+        planes: NDArray[np.void] | None = None,
     ) -> None:
         _check_camera(camera, "camera, lights, spheres, materials")
         balls, shades = records_of("spheres", spheres, SPHERE), records_of("materials", materials, MATERIAL)
@@ -129,7 +128,7 @@ class Scene(Frozen):
         check_spheres(balls, len(shades), maps)
         check_materials(shades, len(images))
         check_transfer(transfer)
-        given = {"meshes": meshes, "cylinders": cylinders, "bonds": bonds, "cuts": cuts}
+        given = {"meshes": meshes, "cylinders": cylinders, "bonds": bonds, "planes": planes}
         others = [row.checked(given, len(shades), len(balls)) for row in OTHERS]
         _check_numbers(others)
         color, alpha = background_of(background, background_alpha)
@@ -416,6 +415,7 @@ class Scene(Frozen):
         radius: ArrayLike,
         colors: ArrayLike | None = None,
         material: Material | None = None,
+        clipped: bool = True,
     ) -> Scene:
         """The same scene with more cylinders, whose numbers follow those of all other surfaces. Their ends are flat;
         spheres of the same radius at the ends make them round.
@@ -423,7 +423,7 @@ class Scene(Frozen):
         starts, ends: (n, 3), the middles of their ends, and radius: (n,) or one number, scene units; colors: (n, 3) or
         one colour, as of from_spheres(), or (n, 2, 3), one for each half: then each is two cylinders that meet in the
         middle; white without. material: a Material without texture, whose colour is that of `colors` if these are
-        given. box_edges() and axes() give starts and ends.
+        given; clipped: whether the planes of clipped() clip them. box_edges() and axes() give starts and ends.
 
         Raises ValueError, which names the argument and the index, and TypeError if material is none.
         """
@@ -432,6 +432,7 @@ class Scene(Frozen):
         made = halved(made) if two else made
         made["material"] = np.arange(len(made)) if len(kinds) == len(made) else 0
         made["material"] += self.columns.materials_count
+        made["unclipped"] = not clipped
         found = np.concatenate([self.cylinders, made])
         found["number"][len(self.cylinders) :] = sum(map(len, self.shapes)) + np.arange(len(made))
         if len(found) > MAX_CYLINDERS:
@@ -439,22 +440,34 @@ class Scene(Frozen):
         return self.with_fields(columns=self.columns.with_more(linear(kinds, self.transfer)), cylinders=found)
 
     def clipped(self, point: ArrayLike, normal: ArrayLike, cap_color: ArrayLike | None = None) -> Scene:
-        """The same scene without what is on one side of a plane, so that one sees what is inside.
+        """Clip the scene by a plane, so that one sees what is inside.
 
-        point: (3,), of the plane, scene units; normal: (3,), of any length, across it: the side to which it leads is
-        left out. cap_color: one colour, as of from_spheres(), of matte caps where balls and meshes are cut; without, a
-        cut ball shows its own colour there, and what closes a mesh has its material, but no texture and no values.
+        Planes add up: what is drawn is on the kept side of all of them. Surfaces of all shapes are clipped, and keep
+        their numbers and their places. Where a ray of the camera enters what the planes keep inside of a closed
+        surface, a flat cap is drawn. It has the id of that surface, of several the one with the lowest number, and the
+        `primitive` -2 - i, where i is the number of the plane. Spheres, ellipsoids, cylinders and meshes of which each
+        edge belongs to an even number of triangles are closed. Surfaces that were added with ``clipped=False`` are not
+        clipped.
 
-        A ball that the plane cuts becomes a cut ball, solid as it was, on which all is decided exactly. A mesh becomes
-        another one, whose corners on the plane are rounded, and one more that closes it if it was closed there. What
-        remains is numbered anew: the spheres in their order, meshes, what closes them, caps, cut balls and cylinders.
-        Bonds stay where they are, and follow no spheres.
+        Parameters
+        ----------
+        point : array_like, shape (3,)
+            A point of the plane, in scene units.
+        normal : array_like, shape (3,)
+            The direction across the plane to the side that is left out, of any length but 0.
+        cap_color : colour, optional
+            A colour, as of from_spheres(), of matte caps in this plane. By default, a cap has the material of the
+            surface that it closes, without its texture.
 
-        Several planes can follow each other where none cuts a ball that is cut, of which the whole counts.
+        Returns
+        -------
+        Scene
+            It shares all arrays with this one.
 
-        Raises ValueError, which names the argument or the index: where the plane cuts or all but touches a ball that is
-        cut already, an ellipsoid, a ball with a texture, or a cylinder; where an argument is not allowed; and where
-        more cut balls and caps, meshes, triangles or vertices are made than the limits allow.
+        Raises
+        ------
+        ValueError
+            If an argument is not allowed, or if there are too many planes. The message names the argument.
         """
         return clipped(self, point, normal, cap_color)
 
@@ -463,7 +476,7 @@ class Scene(Frozen):
 
         box_images() gives those of a periodic box. Bonds of one with `box` are halves at its boundary, which meet those
         of the next image there. Surfaces are numbered anew: the spheres of each image in turn, then the meshes, the
-        cut balls and the cylinders; so sphere i of n has the number k n + i in image k. Camera and lights stay where
+        the cylinders; so sphere i of n has the number k n + i in image k. Camera and lights stay where
         they are.
 
         Raises ValueError, which names offsets and the index.

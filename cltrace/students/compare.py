@@ -63,8 +63,8 @@ def compare(
         raise TypeError(f"scene: must be a cltrace.Scene, such as cltrace.load() gives, got {scene!r}")
     if scene.transfer != "linear":
         raise ValueError("scene: must have the transfer 'linear', as scene files have, got 'srgb'")
-    if len(scene.cuts):
-        raise ValueError("scene: must have no cut balls, which no scene file has")
+    if len(scene.planes):
+        raise ValueError("scene: must have no clipping planes, which no scene file has")
     if isinstance(tolerance, bool) or not isinstance(tolerance, (int, np.integer)) or not 0 <= tolerance <= 255:
         raise ValueError(f"tolerance: must be a whole number of levels within 0..255, got {tolerance!r}")
     asked = scene.camera.resolution

@@ -100,7 +100,7 @@ static void add_for_packet(Search *search, const MASK may, const RangeW range, c
     const MASK here = may & (range.near <= *reach) & (LOAD_LANES(search->own) != index);
     int bits = lane_bits(here);
     if (!bits) return;
-    const MASK shorter = here & (range.far < *reach);
+    const MASK shorter = MAY_PASS(search->scene) ? (MASK)0 : here & (range.far < *reach);
     *reach = shorter ? range.far : *reach;
     search->shorter |= ANY(shorter);
     float near[W];

@@ -43,13 +43,14 @@ static EyeLine eye_line(const Scene *scene, const Ray ray) {
 
 static Hit no_hit(void) {
     Hit hit = {INFINITY, -1, {0, 0, 1}};
+    if (HAS(WITH_PLANES)) hit.plane = -1;
     if (HAS(WITH_PARALLEL_RAYS) && ANY_LATE) hit.near.low = hit.near.high = -INFINITY;
     return hit;
 }
 
 /* No lane has a use for anything of which the nearest point is beyond, squared. */
 static float end_of_lists(const Scene *scene, const EyeLine line, const Hit hit) {
-    const FLOAT far = ANY_LATE ? far_of(hit.near.low) : TO_FLOAT(hit.t * scene->unit);
+    const FLOAT far = ANY_LATE && !HAS(WITH_PLANES) ? far_of(hit.near.low) : TO_FLOAT(hit.t * scene->unit);
     return LARGEST_FLOAT(DEPTH_AT(far, line.a) * REACH_SLACK);
 }
 

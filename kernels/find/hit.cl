@@ -23,6 +23,7 @@ typedef struct {
      * ray meets the surface's plane within it. */
     Bounds near;
     MASK sure;
+    INT plane; /* WITH_PLANES, of a cap, of which `id` is the surface that it closes; -1 of all else */
 } Hit;
 
 /* Of a hit so far, what something else is compared with where float32 cannot tell: as in Hit. */
@@ -43,6 +44,7 @@ typedef struct {
 typedef struct {
     Encounter at;
     INT id;
+    INT plane; /* WITH_PLANES, as in Hit */
 } Met;
 
 /* Where t is so close to the nearest one so far that they are to be compared exactly. With doubles, both are off by at

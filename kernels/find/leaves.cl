@@ -95,6 +95,9 @@ typedef struct {
     FLOAT near, far;
 } RangeW;
 
+/* Whether rays may pass through what they surely meet: where planes clip some surfaces, but not all. */
+#define MAY_PASS(scene) (HAS(WITH_PLANES) && (scene)->unclipped)
+
 /* Adds those of 8 shapes that a ray may meet within its reach. */
 static void add_eight(Search *search, Walker *walker, const int8 may, const Range8 range, const int8 index) {
     int bits = BITS_OF(may & (range.near <= walker->reach) & (index != walker->own));
@@ -107,7 +110,7 @@ static void add_eight(Search *search, Walker *walker, const int8 may, const Rang
     for (; bits; bits &= bits - 1) {
         const int i = lowest_of(bits);
         add_candidate(search, walker->lane, each[i], near[i]);
-        walker->reach = fmin(walker->reach, far[i]);
+        if (!MAY_PASS(search->scene)) walker->reach = fmin(walker->reach, far[i]);
     }
 }
 #endif

@@ -48,6 +48,63 @@ static Cell cell_on(const Grid grid, const ShadowRay ray, const MASK lit) {
     return cell;
 }
 
+#ifdef WITH_PLANES
+/* The way from P to a light. */
+static Leaving way_to_light(const Scene *scene, const ShadowRay *ray, const Start *start) {
+    Start P = *start;
+    place_start(scene->spheres, &P);
+    const real4 L = scene->lamp[ray->number];
+    const Real3 far = {(L.x - P.anchor.x) - P.step.x, (L.y - P.anchor.y) - P.step.y, (L.z - P.anchor.z) - P.step.z};
+    const Real3 along = {L.x, L.y, L.z};
+    Leaving way = leaving_to(P, ray->at_point ? far : along);
+    way.inner = P.side < 0;
+    way.d = ray->w;
+    way.w1 = size_of(way.w) + P.reach;
+    return way;
+}
+
+/* The lanes of `lit` in which a cap stands between P and a light, where P is on a surface that is not clipped. */
+static __attribute__((noinline)) MASK stopped_by_caps(const Scene *scene, const ShadowRay *ray, const Start *start,
+                                                      const MASK lit) {
+    const MASK asked = lit & are_unclipped(scene, ray->own);
+    if (!ANY(asked)) return 0;
+    const Leaving way = way_to_light(scene, ray, start);
+    Entry entry = entry_of(scene->spheres, way);
+    entry.here = entry.here & asked;
+    if (ray->at_point) entry.here = entry.here & TO_MASK(entry.t < 1);
+    return ANY(entry.here) ? closed_of_all(scene, &way, &entry).index >= 0 : (MASK)0;
+}
+
+/* The lanes of `stops`, in which a surface stands between P and a light, that it stops within the region. Rays that end
+ * in the region are in it from where they enter it. */
+static __attribute__((noinline)) MASK stops_in_region(const Scene *scene, const ShadowRay *ray, const Start *start,
+                                                      const int index, const MASK stops) {
+    const Spheres spheres = scene->spheres;
+    if (scene->solid_of[index] < 0) return stops;
+    const real4 L = scene->lamp[ray->number];
+    const Real3 along = {L.x, L.y, L.z};
+    const Leaving way = way_to_light(scene, ray, start);
+    MASK open = are_unclipped(scene, ray->own);
+    for (int plane = 0; plane < spheres.planes; plane++) {
+        const REAL one = ray->at_point ? (REAL)1 : (REAL)0;
+        const real4 S = spheres.clip[2 * plane], m = spheres.clip[2 * plane + 1];
+        const Real3 f = {L.x - S.x, L.y - S.y, L.z - S.z};
+        const Real3 to = {ray->at_point ? f.x : along.x, ray->at_point ? f.y : along.y, ray->at_point ? f.z : along.z};
+        open = open | TO_MASK(DOT(m, to) <= HEIGHT_ERROR * size_of_normal(m) * size_of(to) * one);
+    }
+    open = open & stops;
+    if (!ANY(open)) return stops;
+    Encounter at = {INFINITY};
+    const INT asked = open ? (INT)index : (INT)-1;
+    EACH_SHAPE(spheres, asked, encounter(scene, way, asked, &at));
+    const MASK met = open & TO_MASK(at.t < INFINITY);
+    return stops & (!met | in_region(spheres, &way, asked, at.t, met, LIGHT_ERROR));
+}
+#else
+#define stops_in_region(scene, ray, start, index, stops) stops
+#define stopped_by_caps(scene, ray, start, lit) 0
+#endif
+
 /* The lanes of `lit` that stay lit after the list of one cell, which the rays of the lanes `in` go through. The list
  * is in depth order, by the surfaces' points nearest to the light. A surface no point of which is nearer to the light
  * than P stops nothing, so there the list ends for a lane. */
@@ -60,7 +117,8 @@ static MASK lit_after_list(const Scene *scene, const ShadowRay ray, const Start 
         const MASK may = in & lit & (ray.depth > as_float(entry.y));
         if (!ANY(may)) break;
         if (ANY_FETCHED) fetch_entry(scene, ray.number, k + AHEAD);
-        lit = lit & !ASK_SHAPE(scene->spheres, entry.x, shadow(scene, ray, start, entry.x, may, work));
+        const MASK stops = ASK_SHAPE(scene->spheres, entry.x, shadow(scene, ray, start, entry.x, may, work));
+        lit = lit & !(ANY(stops) ? stops_in_region(scene, &ray, &start, entry.x, stops) : stops);
     }
     return lit;
 }

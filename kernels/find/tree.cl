@@ -21,7 +21,16 @@ static void meet(const Scene *scene, const Leaving ray, const INT index, Met *me
     COUNT(DECIDED, wanted);
     Encounter at = met->at;
     EACH_SHAPE(scene->spheres, index, encounter(scene, ray, index, &at));
+#ifdef WITH_PLANES
+    const MASK capped = met->plane >= 0, some = wanted & TO_MASK(at.t < INFINITY);
+    PUT_WHERE(TO_REAL_MASK(!counts(scene, &ray, index, at.t, met->plane, some)), at.t, (REAL)INFINITY);
+    Met rival = *met;
+    PUT_WHERE(TO_REAL_MASK(capped), rival.at.t, (REAL)INFINITY);
+    PUT_WHERE(TO_MASK(at.t < INFINITY), met->plane, (INT)-1);
+    const REAL_MASK nearer = TO_REAL_MASK(wanted) & closer_from(scene, ray, index, at.t, rival);
+#else
     const REAL_MASK nearer = TO_REAL_MASK(wanted) & closer_from(scene, ray, index, at.t, *met);
+#endif
     PUT_WHERE(nearer, met->at.t, at.t);
     PUT_WHERE(nearer, met->at.inside, at.inside);
     PUT_WHERE(TO_MASK(nearer), met->id, index);
@@ -316,7 +325,10 @@ static void start_search(const Leaving *ray, const real4 middle, const REAL over
 static __attribute__((noinline)) Met closest_from(const Scene *all, const Leaving *ray, const MASK live,
                                                   const REAL limit, Work *work) {
     const real4 middle = all->tree.middle;
-    Met met = {{INFINITY, 0, {0, 0, 0}}, -1};
+    Met met = {{INFINITY, 0, {0, 0, 0}}, -1, -1};
+#ifdef WITH_PLANES
+    meet_caps_from(all, ray, live, &met);
+#endif
     const REAL ww = DOT(ray->w, ray->w), over = over_root(ww);
     /* The far side of what is round is met for certain. */
     const MASK inner = live & TO_MASK(ray->inner);

@@ -110,6 +110,8 @@ static __attribute__((noinline)) void find(const Frame *camera, const Scene *sce
     found->of[GREEN] = parts_of(pixels.color.y);
     found->of[BLUE] = parts_of(pixels.color.z);
     found->of[OBJECT] = HAS(WITH_TRIANGLES) ? ids_of(scene, hit.id) : hit.id;
+    if (HAS(WITH_PLANES))
+        PUT_WHERE(hit.plane >= 0, found->of[OBJECT], (found->of[OBJECT] + ((hit.plane + 1) << 23)) & 0x7fffffff);
     found->of[MET] = AS(int, (work->mark + work->texels) << 1) | (work->uneven ? (INT)1 : (INT)0);
     found->of[FAR] = AS(int, inside ? (FLOAT)INFINITY : far);
     found->of[LATE] = pixels.overgrown;

@@ -14,6 +14,7 @@ typedef struct {
     SHADE ks, exponent;
     INT texel;   /* WITH_SAMPLES, where the colour is in memory, -1 without a texture */
     MASK uneven; /* WITH_SAMPLES, whether it is in a square of texels that differ by much, see plan/textures.py */
+    MASK matte;  /* WITH_PLANES, whether it is a cap with a material of its own */
 } Intersection;
 
 /* What is known of the colours of points while lights are added. */

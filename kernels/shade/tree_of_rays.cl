@@ -104,7 +104,8 @@ static Real3 bounces_of(const Scene *scene, const INT id) {
 
 static Bounce bounce_at(const Scene *scene, const Intersection at, const Branch rays, Work *work) {
     const Real3 of = bounces_of(scene, rays.own);
-    const REAL R = of.x, T = of.y, rest = (1 - R) - T;
+    const REAL_MASK matte = HAS(WITH_PLANES) ? TO_REAL_MASK(at.matte) : (REAL_MASK)0;
+    const REAL R = matte ? (REAL)0 : of.x, T = matte ? (REAL)0 : of.y, rest = (1 - R) - T;
     Bounce bounce;
     bounce.share = rest > 0 ? rest : (REAL)0;
     bounce.inside = at.start.side < 0;
@@ -231,7 +232,8 @@ static Branch go_on(const Scene *scene, const Branch rays, const Intersection at
     MASK mirrors = rays.live & TO_MASK(bounce.mirrors > 0);
     if (rays.depth == 0) all->alone = rays.live & !mirrors;
     mirrors = mirrors & !drop(scene, mirrors, bounce.mirrors, all->faint, rays.depth, &all->slack, work);
-    Branch next = {mirrors, rays.own, bounce.inside, at.normal, bounce.mirrored, bounce.mirrors, rays.depth + 1};
+    const INT left = HAS(WITH_PLANES) ? at.start.index : rays.own;
+    Branch next = {mirrors, left, bounce.inside, at.normal, bounce.mirrored, bounce.mirrors, rays.depth + 1};
     if (HAS(WITH_SHAPES)) next.q = at.q;
     if (!HAS(WITH_GLASS)) return next;
     MASK sends = rays.live & TO_MASK(bounce.sends > 0);
@@ -244,7 +246,7 @@ static Branch go_on(const Scene *scene, const Branch rays, const Intersection at
     PUT3(PUT_WHERE, through, next.d, bounce.refracted);
     PUT_WHERE(through, next.weight, bounce.sends);
     if (HAS(WITH_SPLITS) && ANY(sends & mirrors)) {
-        Branch other = {sends & mirrors,  rays.own,     !bounce.inside, at.normal,
+        Branch other = {sends & mirrors,  left,     !bounce.inside, at.normal,
                         bounce.refracted, bounce.sends, rays.depth + 1};
         if (HAS(WITH_SHAPES)) other.q = at.q;
         waiting->branch[waiting->height++] = other;
@@ -277,7 +279,7 @@ static Gathered gather(const Frame frame, const Scene *scene, const Real3 d, Int
                     if (ANY(all.rays > MOST_RAYS)) return all;
                 }
                 path = leaving(frame, scene->spheres, rays.own, rays.inner, rays.n, rays.q, rays.d);
-                met = closest_from(scene, &path, rays.live, (REAL)INFINITY, work);
+                met = closest_from(scene, &path, rays.live, FAR_END(scene, &path), work);
                 add_to(&all.sum, rays.live & (met.id < 0), rays.weight, background);
                 rays.live = rays.live & (met.id >= 0);
                 if (ANY(rays.live)) break;

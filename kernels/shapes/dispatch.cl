@@ -1,15 +1,23 @@
 /* dispatch.cl: what is asked of a surface, whatever its shape is.
  *
  * A shape is a row of SHAPES in cltrace/plan/abi.py and a folder beside this file, with these functions; here are those
- * who ask them, but for surfaces.cl, and what asks for shadows, fetches lists and walks the tree in find/. No one else
- * names a shape. take        takes it into account along rays from the eye: first by a filter in float32, then for
- * certain touches     which pixels it may be seen in, see samples/touches.cl settle      puts into a hit what is not
- * known of late shapes before settle_t    the same of t alone shadow      which lanes' shadow rays it stops put,
- * put_from  normals, textures and starts of rays at points of it leave       where rays leave it; fine_start: the same
- * in pairs place       puts where shadow rays start in the world into their starts, unless `put` has encounter   where
- * rays that left a surface meet it; fine_t: t there, in pairs leave_out_tied  lanes in which two are known to be met at
- * once always break_tie   which of two that are met at once comes first, if that is not the one that is first in the
- * file primitive   its number in its mesh fetch, fetch_first, fetch_hit, fetch_leaf  what is to be read of it soon
+ * who ask them, but for surfaces.cl, and what asks for shadows, fetches lists and walks the tree in
+ * find/. No one else names a
+ * shape.
+ *   take        takes it into account along rays from the eye: first by a filter in float32, then for certain
+ *   touches     which pixels it may be seen in, see samples/touches.cl
+ *   contains    whether it is convex, and rays enter the region of clipping planes inside of it
+ *   settle      puts into a hit what is not known of late shapes before
+ *   settle_t    the same of t alone
+ *   shadow      which lanes' shadow rays it stops
+ *   put, put_from  normals, textures and starts of rays at points of it
+ *   leave       where rays leave it; fine_start: the same in pairs
+ *   place       puts where shadow rays start in the world into their starts, unless `put` has
+ *   encounter   where rays that left a surface meet it; fine_t: t there, in pairs
+ *   leave_out_tied  lanes in which two are known to be met at once always
+ *   break_tie   which of two that are met at once comes first, if that is not the one that is first in the file
+ *   primitive   its number in its mesh
+ *   fetch, fetch_first, fetch_hit, fetch_leaf  what is to be read of it soon
  *   add_leaf, add_leaf_for_packet  those of a leaf of the tree that rays may meet
  */
 
@@ -22,21 +30,28 @@ static INT primitives_of(const Scene *scene, const INT index) {
     return LOAD_LANES(each);
 }
 
+static MASK first_in_file(const Scene *scene, const INT A, const INT B) {
+    const INT a = ids_of(scene, A), b = ids_of(scene, B);
+    return (a < b) | ((a == b) & (primitives_of(scene, A) < primitives_of(scene, B)));
+}
+
+#ifdef WITH_PLANES
+static int meet_in_region(const Scene *scene, const Ray *ray, const EyeLine *line, const int index, Hit *hit,
+                          Work *work);
+#define meet_surface(scene, ray, line, index, hit, work) meet_in_region(scene, &(ray), line, index, hit, work)
+#define settle_hit(scene, ray, hit)
+#else
 /* Takes a surface into account, and tells whether any lane's hit may be another one now. */
 static __attribute__((always_inline)) int meet_surface(const Scene *scene, const Ray ray, EyeLine *line,
                                                        const int index, Hit *hit, Work *work) {
     return ASK_SHAPE(scene->spheres, index, take(scene, ray, line, index, hit, work));
 }
 
-static MASK first_in_file(const Scene *scene, const INT A, const INT B) {
-    const INT a = ids_of(scene, A), b = ids_of(scene, B);
-    return (a < b) | ((a == b) & (primitives_of(scene, A) < primitives_of(scene, B)));
-}
-
 /* Puts into a hit what its shape tells late. */
 static __attribute__((always_inline)) void settle_hit(const Scene *scene, const Ray ray, Hit *hit) {
     EACH_SHAPE(scene->spheres, hit->id, settle(scene, ray, hit));
 }
+#endif
 
 #ifdef WITH_PLACED
 static void place_start(const Spheres spheres, Start *start) {
@@ -56,7 +71,7 @@ static Pair3 fine_start(const Spheres spheres, const Leaving ray) {
     const MASK eye = ray.own < 0;
     if (!HAS(WITH_SHAPES) || !ANY(eye)) return step;
     Pair3 from = {pair(0, 0), pair(0, 0), pair(0, 0)};
-    if (HAS(WITH_PARALLEL_RAYS)) from = pairs_in_world(spheres, ray.q);
+    if (HAS(WITH_PARALLEL_RAYS)) from = choose_pairs(TO_REAL_MASK(ray.own == -1), pairs_in_world(spheres, ray.q), from);
     return choose_pairs(TO_REAL_MASK(eye), from, step);
 }
 
@@ -98,6 +113,9 @@ static __attribute__((noinline)) REAL_MASK comes_before(const Scene *scene, cons
     return close ? comes_first_of(scene, from_eye(scene->spheres, *ray), index, other) : t < rival;
 }
 
+#ifdef WITH_PLANES
+static void leave_cap(Leaving *ray);
+#endif
 /* A ray that leaves a surface, in camera space along d. inner, n, q: as in Leaving. */
 static Leaving leaving(const Frame frame, const Spheres spheres, const INT own, const REAL_MASK inner, const Real3 n,
                        const Real3 q, const Real3 d) {
@@ -106,6 +124,9 @@ static Leaving leaving(const Frame frame, const Spheres spheres, const INT own, 
     ray.w = turned_to_world(frame, d);
     ray.w1 = size_of(ray.w);
     EACH_SHAPE(spheres, own, leave(frame, spheres, &ray));
+#ifdef WITH_PLANES
+    leave_cap(&ray);
+#endif
     return ray;
 }
 

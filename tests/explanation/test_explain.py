@@ -358,14 +358,14 @@ def test_what_is_exactly_as_near_is_said(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_cut_ball_and_its_cap() -> None:
+def test_a_clipped_ball_and_its_cap() -> None:
     camera = cltrace.Camera((0, 0, 9), (0, 0, 0), horizontal_fov=20, resolution=(33, 33))
     scene = cltrace.Scene.from_spheres(camera, "studio", [(0, 0, -0.8)], 1, "lime").clipped((0,) * 3, (0, 0, 1), "red")
-    image = cltrace.render(scene, outputs=("rgb8", "id"))
-    for x, number in ((16, 0), (int(np.argmax(image.id[16] == 1)), 1)):
+    image = cltrace.render(scene, outputs=("rgb8", "primitive"))
+    for x, words in ((16, "cap of sphere 0"), (int(np.argmax(image.rgb8[16, :, 1] > 0)), "sphere 0")):
         found = cltrace.explain(scene, x, 16)
-        assert image.id[16, x] == number
-        assert f"  cut ball {number}\n" in str(found)
+        assert bool(image.primitive[16, x] == -2) is (words != "sphere 0")
+        assert f"\n  {words}\n" in str(found)
         assert printed_bytes(found) == (image.rgb8[16, x].tolist(),) * 2
 
 

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.oracle.cuts import Cuts
 from cltrace.oracle.cylinders import Cylinders
 from cltrace.oracle.rays import along, at_point, to_light
 from cltrace.oracle.search import Kinds, on_hits
@@ -231,7 +230,7 @@ def lit_of(name: str, seed: int, size: tuple[int, int]) -> Scene:
 
 def first_hits(scene: Scene) -> tuple[NDArray[np.int64], Floats]:
     """The number of the surface that each pixel's ray meets first, -1 for none, and how far away that is."""
-    kinds = [Triangles.of(scene), Spheres.of(scene), Cylinders.of(scene), Cuts.of(scene)]
+    kinds = [Triangles.of(scene), Spheres.of(scene), Cylinders.of(scene)]
     d = camera_rays(scene.camera)
     found = Kinds(kinds).closest(along(at_point(scene.camera.position, len(d)), d, scene.camera.basis()))
     number = np.concatenate([*(kind.surface for kind in kinds), [-1]])[found.item]

@@ -171,8 +171,7 @@ def test_scenes_with_meshes_are_immutable_and_may_be_pickled() -> None:
     assert set(scene.__getstate__()) == {field.name for field in fields(Scene)} - records | {"columns"}
     assert set(replace(scene).__getstate__()) == {field.name for field in fields(Scene)}
     assert set(scene.meshes[0].__getstate__()) == {
-        *("geometry", "to_world", "material", "number"),
-        *("cut_from", "planes"),
+        *("geometry", "to_world", "material", "number", "clipped"),
     }
     for one in (scene, pickle.loads(pickle.dumps(scene)), scene.seen_by(Camera((0, 0, 3))), replace(scene)):
         assert one.meshes[0].geometry is one.meshes[1].geometry

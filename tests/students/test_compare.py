@@ -211,8 +211,6 @@ def test_truncated_bytes_are_the_same_but_for_a_level(pictures: Pictures) -> Non
     assert pictures.causes("bright", picture, tolerance=0)[:1] == ["truncated"]
 
 
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", NAMES)
 def test_the_right_picture_is_the_same(pictures: Pictures, scene: str) -> None:

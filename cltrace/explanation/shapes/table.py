@@ -1,7 +1,7 @@
 """The table of shapes: a row for each. Many spheres are tried as one surface, see many.py."""
 
 from cltrace.explanation.many import swarms
-from cltrace.explanation.shapes.cut import CutTest
+from cltrace.explanation.shapes.cap import CapTest
 from cltrace.explanation.shapes.cylinder import CylinderTest
 from cltrace.explanation.shapes.shape import Textbook
 from cltrace.explanation.shapes.sphere import SphereTest
@@ -9,8 +9,7 @@ from cltrace.explanation.shapes.triangle import TriangleTest
 from cltrace.reference import Surface
 from cltrace.reference.world import KINDS as PLAIN
 
-# To the reference a cut ball is a cylinder, too: it comes first.
-SHAPES: tuple[type[Textbook], ...] = (SphereTest, CutTest, CylinderTest, TriangleTest)
+SHAPES: tuple[type[Textbook], ...] = (SphereTest, CylinderTest, TriangleTest, CapTest)
 # What makes a scene's surfaces, as that of the reference does.
 KINDS = {**PLAIN, "spheres": swarms}
 # What normals are, by `shape` of Hit.

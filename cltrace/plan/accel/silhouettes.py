@@ -178,15 +178,13 @@ class Discs(Silhouettes):
 class Capsules(Silhouettes):
     """n cylinders as seen from a point.
 
-    start, end: (n, 3), from there to the middles of their ends; radius: (n,); idle: (n,), those that count for nothing,
-    None for none.
+    start, end: (n, 3), from there to the middles of their ends; radius: (n,).
     """
 
     start: Array
     end: Array
     radius: Array
     first: int
-    idle: Mask | None = None
     # To try a cylinder takes longer than a triangle or a ball.
     cell_entries = 4.0
 
@@ -199,7 +197,7 @@ class Capsules(Silhouettes):
 
     @property
     def met(self) -> Mask:
-        return np.ones(len(self), bool) if self.idle is None else ~self.idle
+        return np.ones(len(self), bool)
 
     def spheres(self, which: NDArray[np.intp]) -> tuple[Sequence[Array], Array]:
         return (self.start[which], self.end[which]), self.radius[which]

@@ -365,9 +365,10 @@ class MeshPacking(ShapePacking):
     def of(cls, scene: Scene, request: Request, before: tuple[Scene, MeshPacking] | None) -> MeshPacking:
         sided = bool(scene.meshes) and may_bounce(scene, request)
         # What knows the triangles' fronts does for a scene that needs none, too.
-        if before and share(before[0], scene, "meshes") and before[1].triangles.sided >= sided:
+        if before and share(before[0], scene, "meshes", "planes") and before[1].triangles.sided >= sided:
             return before[1]
-        by_place, once = scene.triangles >= MANY and "order" not in request.keep, "hidden" not in request.keep
+        by_place = scene.triangles >= MANY and "order" not in request.keep
+        once = "hidden" not in request.keep and not len(scene.planes)
         triangles = PackedTriangles.of(scene.meshes, by_place, sided=sided, once=once)
         textured = bool(scene.textures) or "uv" in request.outputs
         attributes, m = CornerAttributes.of(scene.meshes, triangles, request.precision, textured), len(triangles.face)

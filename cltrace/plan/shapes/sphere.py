@@ -243,7 +243,9 @@ class SpherePacking(ShapePacking):
                 return known
         number = scene.sphere_numbers.take(row) if scene.mixed else row
         shape = columns.to_object.take(row) if columns.to_object.ndim else columns.to_object
-        again = repeated(center, radius, shape=shape, number=number, by_place=by_place)
+        again = np.zeros(len(row), bool)  # of equal ones each may count, as planes may clip them
+        if not len(scene.planes):
+            again = repeated(center, radius, shape=shape, number=number, by_place=by_place)
         maps = Maps.of(shape, scene.to_object) if (shape >= 0).any() else None
         reach = radius * maps.longest[maps.of_sphere] if maps else radius
         flags = {"WITH_ELLIPSOIDS": "shape", "WITH_SHAPES": "shape"} if maps else {}

@@ -108,6 +108,7 @@ class SpherePacker:
         served = (
             ONE_LIST < len(spheres.row) == len(world.id)
             and not spheres.maps
+            and not world.clipping
             and OTHERS.isdisjoint(request.keep)
             and is_exact(device)
         )

@@ -13,22 +13,13 @@
  * say all: a ray meets the solid if it meets a disc, or the endless cylinder with that middle between the planes; it
  * enters by the first disc if it meets that, else by the side, and leaves likewise. On the rim, it is the disc that is
  * met. cltrace/reference/cylinder.py has the same in exact numbers.
- *
- * A cut ball is the points p with |p - C| <= r between the same planes, or in the plane at S alone, a disc. All of the
- * above holds for it with F = C - O, G = w and 1 in place of u.u in c, D and q, so D = r^2 a - |F x G|^2; and k = h for
- * a disc. cltrace/reference/cut.py has it in exact numbers.
  */
 
 /* One cylinder in all lanes, or each lane's own one. Lengths of the world. Where `real` is float, u is of length 1. */
 typedef struct {
     Real3 start, end, u; /* end: not where `real` is float */
-    REAL r, span;        /* span: u.u; where `real` is float, |E - S|; 0 of a disc */
-    /* WITH_CUTS: */
-    REAL_MASK round, capped; /* whether it is a cut ball; whether a disc of a lower number covers the cut */
-    Real3 center;
+    REAL r, span;        /* span: u.u; where `real` is float, |E - S| */
 } Rod;
-
-#define IS_ROUND(rod) (HAS(WITH_CUTS) ? (rod).round : (REAL_MASK)0)
 
 static Rod rod_at(const Spheres spheres, const int number) {
     const real4 s = spheres.rod[2 * number], e = spheres.rod[2 * number + 1];
@@ -39,15 +30,6 @@ static Rod rod_at(const Spheres spheres, const int number) {
         rod.u.z = e.z - s.z;
         rod.span = DOT(rod.u, rod.u);
     }
-    if (!HAS(WITH_CUTS)) return rod;
-    const int cut = number - spheres.first_cut;
-    const real4 c = spheres.cut[max(cut, 0)];
-    rod.round = TO_REAL_MASK((INT)cut >= 0);
-    rod.center.x = c.x;
-    rod.center.y = c.y;
-    rod.center.z = c.z;
-    rod.capped = TO_REAL_MASK((INT)(cut >= 0 && c.w > 1 ? -1 : 0) < 0);
-    if (cut >= 0 && c.w == 0) rod.span = 0;
     return rod;
 }
 
@@ -65,11 +47,6 @@ static Rod rods_of(const Spheres spheres, const INT number) {
         PUT3(PUT_WHERE, here, own.u, rod.u);
         PUT_WHERE(here, own.r, rod.r);
         PUT_WHERE(here, own.span, rod.span);
-        if (HAS(WITH_CUTS)) {
-            own.round = here ? rod.round : own.round;
-            own.capped = here ? rod.capped : own.capped;
-            PUT3(PUT_WHERE, here, own.center, rod.center);
-        }
         left = left == one ? (INT)-1 : left;
     }
     return own;
@@ -97,52 +74,29 @@ static Across across_of(const Rod rod) {
     return e;
 }
 
-/* v where a mask is false, `other` where it is true. */
-static Real3 rod_chosen(const REAL_MASK here, const Real3 other, const Real3 v) {
-    const Real3 c = {here ? other.x : v.x, here ? other.y : v.y, here ? other.z : v.z};
-    return c;
-}
-
 /* Where each lane's point q is: by its part, see cylinder_put(); q.y and q.z count e1 and e2. */
 #define ON_START(q) ((q).x < 0)
 #define ON_END(q) ((q).x > 1)
 
 /* A ray, for the decisions here: it starts at anchor + step, of which the step is off by less than 2^-49 of `reach`,
  * and leads along w, which is off by less than 2^-49 of w1. own: lanes that start on the cylinder itself, at its point
- * q; inner: whether they leave it on its inside; level: other lanes that start in the plane of a cut ball, exactly, as
- * they leave a disc of another one in it. Where they lead to what that plane has cut away, they never meet the ball. */
+ * q; inner: whether they leave it on its inside. */
 typedef struct {
     Real3 anchor, step, w;
     REAL reach, w1;
     REAL_MASK own, inner;
     Real3 q;
-    REAL_MASK level; /* WITH_CUTS */
 } RodRay;
 
-static REAL_MASK same_place(const Real3 a, const Real3 b) {
-    return (a.x == b.x) & (a.y == b.y) & (a.z == b.z);
-}
-
-/* A ray, which leaves the surface `from`, with its `level`. */
-static RodRay leveled(const Spheres spheres, const INT from, RodRay ray, const Rod rod) {
-    if (!HAS(WITH_CUTS)) return ray;
-    const INT number = CYLINDER_OR_NONE(spheres, from);
-    const REAL_MASK flat = TO_REAL_MASK(number >= spheres.first_cut) & (ON_START(ray.q) | ON_END(ray.q));
-    ray.level = rod.round & flat & !ray.own & same_place(ray.anchor, rod.start);
-    if (ANY(TO_MASK(ray.level))) ray.level = ray.level & same_place(rods_of(spheres, number).end, rod.end);
-    return ray;
-}
-
-static RodRay rod_ray_of(const Spheres spheres, const Leaving ray, const INT index, const Rod rod) {
+static RodRay rod_ray_of(const Leaving ray, const INT index) {
     const RodRay way = {ray.center, ray.p, ray.w, ray.reach, ray.w1, TO_REAL_MASK(ray.own == index), ray.inner, ray.q};
-    return leveled(spheres, ray.own, way, rod);
+    return way;
 }
 
 /* The numbers above; of numbers that are vectors, the sums of the magnitudes. first, second: q of the disc at S and at
  * E; after, before: where the middle is. */
 typedef struct {
     REAL s, u1, w1, F1, G1; /* sizes: s = |f| + reach */
-    REAL by_axis;           /* what F and G are off by is in proportion to it: u1, or 1 of cut balls */
     REAL uu, rr, span;
     REAL a, b, c, V, D, g, h, k, first, second, after, before;
     REAL v1, v2; /* of N G - g F of the two discs */
@@ -160,34 +114,23 @@ static RodValues rod_values(const RodRay ray, const Rod rod) {
     const Real3 f = {(rod.start.x - ray.anchor.x) - ray.step.x, (rod.start.y - ray.anchor.y) - ray.step.y,
                      (rod.start.z - ray.anchor.z) - ray.step.z};
     const Real3 u = rod.u, w = ray.w;
-    Real3 F = rod_cross(f, u), G = rod_cross(w, u), X = rod_cross(f, w);
+    const Real3 F = rod_cross(f, u), G = rod_cross(w, u), X = rod_cross(f, w);
     RodValues e;
     e.s = ROD_SIZE(f) + ray.reach;
-    e.u1 = e.by_axis = ROD_SIZE(u);
-    const REAL_MASK round = IS_ROUND(rod);
-    if (HAS(WITH_CUTS)) {
-        const Real3 to_center = {(rod.center.x - ray.anchor.x) - ray.step.x, (rod.center.y - ray.anchor.y) - ray.step.y,
-                                 (rod.center.z - ray.anchor.z) - ray.step.z};
-        F = rod_chosen(round, to_center, F);
-        G = rod_chosen(round, w, G);
-        X = rod_chosen(round, rod_cross(F, w), X);
-        PUT_WHERE(round, e.s, e.s + ROD_SIZE(to_center));
-        PUT_WHERE(round, e.by_axis, (REAL)1);
-    }
+    e.u1 = ROD_SIZE(u);
     e.w1 = ray.w1;
     e.F1 = ROD_SIZE(F);
     e.G1 = ROD_SIZE(G);
-    e.uu = round ? (REAL)1 : DOT(u, u);
+    e.uu = DOT(u, u);
     e.rr = rod.r * rod.r;
     e.span = rod.span;
     e.a = DOT(G, G);
     e.b = DOT(F, G);
     e.g = DOT(w, u);
-    e.V = round ? ROD_SIZE(X) : DOT(u, X);
-    const REAL VV = round ? DOT(X, X) : e.V * e.V;
+    e.V = DOT(u, X);
+    const REAL VV = e.V * e.V;
     /* The point of the own surface is on the plane of its end, or on the side. */
     e.h = (ray.own & ON_START(ray.q)) ? (REAL)0 : (ray.own & ON_END(ray.q)) ? -e.span : DOT(f, u);
-    if (HAS(WITH_CUTS)) PUT_WHERE(ray.level, e.h, (REAL)0);
     e.k = (ray.own & ON_END(ray.q)) ? (REAL)0 : e.h + e.span;
     const REAL_MASK on_side = ray.own & !ON_START(ray.q) & !ON_END(ray.q);
     e.c = on_side ? (REAL)0 : DOT(F, F) - e.rr * e.uu;
@@ -254,10 +197,9 @@ static REAL rod_t(const RodValues e, const RodVerdict is) {
  * With v = 2^-53, each coordinate of f is off by 2^-48 s, see RodRay, u by v of itself. So each coordinate of F is off
  * by 2^-47 s u1, of G by 2^-48 w1 u1, V by 2^-46 s w1 u1, g by 2^-48 w1 u1 and h by 2^-47 s u1. All others follow from
  * these: a product of two numbers is off by each one's error times the other one, by both errors' product, and by
- * roundings, which for sums of up to four products are below 2^-50 of all magnitudes. Of a cut ball, F is off by 2^-48
- * s, G by 2^-48 w1 and each coordinate of F x G by 2^-47 s w1; V is the sum of their magnitudes there. In pairs, f is
- * off by 2^-99 s and w by 2^-101 w1, and what is computed by less than 2^-100: with small = 2^-49, all of that is less
- * than so many times what it is in double. */
+ * roundings, which for sums of up to four products are below 2^-50 of all magnitudes. In pairs, f is off by 2^-99
+ * s and w by 2^-101 w1, and what is computed by less than 2^-100: with small = 2^-49, all of that is less than so many
+ * times what it is in double. */
 typedef struct {
     REAL a, b, c, D, g, h, k, first, second, after, before;
 } RodErrors;
@@ -287,9 +229,9 @@ static REAL rod_disc_error(const RodValues e, const REAL N, const REAL v, const 
 }
 
 static RodErrors rod_errors(const RodValues e, const REAL small) {
-    const REAL round = small * 0x1p-50, sizes = small * (e.w1 * e.by_axis);
+    const REAL round = small * 0x1p-50, sizes = small * (e.w1 * e.u1);
     const REAL g_error = 0x1p-48 * (small * (e.w1 * e.u1)), h_error = small * 0x1p-47 * (e.s * e.u1);
-    RodOff off = {small * 0x1p-47 * (e.s * e.by_axis), 0x1p-48 * sizes, 0, g_error, round};
+    RodOff off = {small * 0x1p-47 * (e.s * e.u1), 0x1p-48 * sizes, 0, g_error, round};
     const REAL FF = e.F1 * e.F1, GG = e.G1 * e.G1, V_error = 0x1p-46 * sizes * e.s;
     RodErrors by;
     by.a = (2 * e.G1 * off.G + 3 * off.G * off.G) + round * GG;
@@ -315,7 +257,7 @@ static RodErrors rod_errors(const RodValues e, const REAL small) {
 static RodErrors rod_errors_at(const RodRay ray, const RodValues e, const REAL small) {
     RodErrors by = rod_errors(e, small);
     const REAL_MASK start = ray.own & ON_START(ray.q), end = ray.own & ON_END(ray.q), side = ray.own & !start & !end;
-    by.h = start | ray.level ? (REAL)0 : by.h;
+    by.h = start ? (REAL)0 : by.h;
     by.k = end ? (REAL)0 : by.k;
     by.c = side ? (REAL)0 : by.c;
     return by;
@@ -334,8 +276,7 @@ static RodSigns signs_within(const RodValues e, const RodErrors by) {
 static REAL_MASK rod_passes(const RodRay ray, const RodSigns is) {
     const REAL_MASK beside = (is.first > 0) & (is.second > 0) & ((is.after < 0) | (is.before < 0));
     const REAL_MASK beyond = ((is.g > 0) & (is.k < 0)) | ((is.g < 0) & (is.h > 0));
-    const REAL_MASK cut_away = ray.level & (is.g < 0);
-    return ray.own ? !ray.inner : (is.D < 0) | beside | beyond | cut_away | ((is.c > 0) & (is.b < 0));
+    return ray.own ? !ray.inner : (is.D < 0) | beside | beyond | ((is.c > 0) & (is.b < 0));
 }
 
 /* Whether a verdict by such signs is that of the exact ones, and rod_t() is right to 2^-24. */
@@ -382,24 +323,9 @@ static __attribute__((noinline)) RodPairs rod_pairs(const RodRay ray, const RodF
     const Pair3 f = {minus(two_sum(S.x, -O.x), fine.step.x), minus(two_sum(S.y, -O.y), fine.step.y),
                      minus(two_sum(S.z, -O.z), fine.step.z)};
     const Pair none = pair(0, 0), rr = two_product(rod.r, rod.r);
-    Pair3 F = cross_pairs(f, u), G = cross_pairs(w, u);
-    Pair uu = dot_pairs(u, u), span = uu;
-    const Pair V = dot_pairs(u, cross_pairs(f, w));
-    Pair VV = times(V, V);
-    REAL size_of_X = 0;
-    if (HAS(WITH_CUTS)) {
-        const Real3 C = rod.center;
-        const Pair3 to_center = {minus(two_sum(C.x, -O.x), fine.step.x), minus(two_sum(C.y, -O.y), fine.step.y),
-                                 minus(two_sum(C.z, -O.z), fine.step.z)};
-        const Pair3 X = cross_pairs(to_center, w);
-        F = choose_pairs(rod.round, to_center, F);
-        G = choose_pairs(rod.round, w, G);
-        VV = choose_pair(rod.round, dot_pairs(X, X), VV);
-        size_of_X = size_of_pairs(X);
-        uu = choose_pair(rod.round, pair(1, 0), uu);
-        span = choose_pair(rod.round & (rod.span == 0), none, span);
-    }
-    const Pair rim = times(rr, uu), back = {-span.hi, -span.lo};
+    const Pair3 F = cross_pairs(f, u), G = cross_pairs(w, u);
+    const Pair uu = dot_pairs(u, u), V = dot_pairs(u, cross_pairs(f, w)), VV = times(V, V);
+    const Pair rim = times(rr, uu), back = {-uu.hi, -uu.lo};
     const REAL_MASK on_start = ray.own & ON_START(ray.q), on_end = ray.own & ON_END(ray.q);
     const REAL_MASK on_side = ray.own & !on_start & !on_end;
     RodPairs p;
@@ -407,15 +333,13 @@ static __attribute__((noinline)) RodPairs rod_pairs(const RodRay ray, const RodF
     p.b = dot_pairs(F, G);
     p.g = dot_pairs(w, u);
     p.h = choose_pair(on_start, none, choose_pair(on_end, back, dot_pairs(f, u)));
-    if (HAS(WITH_CUTS)) p.h = choose_pair(ray.level, none, p.h);
-    p.k = choose_pair(on_end, none, plus(p.h, span));
+    p.k = choose_pair(on_end, none, plus(p.h, uu));
     p.c = choose_pair(on_side, none, minus(dot_pairs(F, F), rim));
     p.D = choose_pair(on_side, times(p.b, p.b), times(uu, minus(times(p.a, rr), VV)));
     e->a = p.a.hi;
     e->b = p.b.hi;
     e->c = p.c.hi;
     e->V = V.hi;
-    if (HAS(WITH_CUTS)) PUT_WHERE(rod.round, e->V, size_of_X);
     e->D = p.D.hi;
     e->g = p.g.hi;
     e->h = p.h.hi;
@@ -456,7 +380,7 @@ static FineT rod_fine_t(const RodPairs p, const RodValues e, const RodErrors by,
 }
 
 /* to_light: whether the ray leads from a point of another surface to a light. That point is rounded. Where it is on the
- * cylinder but for that, it counts as on it, unless that is cut: so where cylinders cross, light leaves both. */
+ * cylinder but for that, it counts as on it: so where cylinders cross, light leaves both. */
 static __attribute__((noinline)) FineRod fine_rod(const RodRay ray, const RodFineRay fine, const Rod rod,
                                                   const int to_light) {
     RodValues e = rod_values(ray, rod);
@@ -465,10 +389,9 @@ static __attribute__((noinline)) FineRod fine_rod(const RodRay ray, const RodFin
     const RodErrors by = rod_errors_at(ray, e, 0x1p-49);
     RodSigns is = signs_within(e, by);
     if (to_light) {
-        const REAL_MASK uncut = !IS_ROUND(rod) & (rod.span > 0);
-        PUT_WHERE(uncut & (fabs(e.c) <= rough.c), is.c, (REAL)0);
-        PUT_WHERE(uncut & (fabs(e.h) <= rough.h), is.h, (REAL)0);
-        PUT_WHERE(uncut & (fabs(e.k) <= rough.k), is.k, (REAL)0);
+        PUT_WHERE(fabs(e.c) <= rough.c, is.c, (REAL)0);
+        PUT_WHERE(fabs(e.h) <= rough.h, is.h, (REAL)0);
+        PUT_WHERE(fabs(e.k) <= rough.k, is.k, (REAL)0);
     }
     FineRod found;
     found.is = rod_verdict(ray, is);
@@ -496,19 +419,10 @@ static RodMeeting rod_meet(const RodRay ray, const Rod rod, const REAL_MASK want
     at.is.hit = wanted & at.is.hit & !passes & !at.unsure;
 #else
     RodMeeting at = {(REAL)INFINITY, rod_verdict(ray, signs_of_values(e)), 0};
-    at.is.hit = wanted & at.is.hit & !(ray.level & (e.g < 0));
+    at.is.hit = wanted & at.is.hit;
 #endif
     const REAL t = rod_t(e, at.is);
     at.t = (at.is.hit & (t > 0)) ? t : at.t;
-    return at;
-}
-
-/* Where a disc covers a cut, it is met at the same t, and counts, as its number is lower: the ball need not tell. */
-static RodMeeting uncovered(const Rod rod, RodMeeting at) {
-    if (!HAS(WITH_CUTS)) return at;
-    const REAL_MASK covered = rod.capped & at.is.flat;
-    at.is.hit = at.is.hit & !covered;
-    at.t = covered ? (REAL)INFINITY : at.t;
     return at;
 }
 
@@ -517,10 +431,10 @@ static RodMeeting uncovered(const Rod rod, RodMeeting at) {
 static __attribute__((noinline)) RodMeeting rod_encounter(const Spheres spheres, const Leaving ray, const INT index,
                                                           const REAL_MASK wanted) {
     const Rod rod = rods_of(spheres, CYLINDER_OR_NONE(spheres, index));
-    const RodRay way = rod_ray_of(spheres, ray, index, rod);
+    const RodRay way = rod_ray_of(ray, index);
     RodMeeting at = rod_meet(way, rod, wanted);
 #if REAL_BYTES == 8
-    if (!UNDECIDED(spheres, ANY(TO_MASK(at.unsure)))) return uncovered(rod, at);
+    if (!UNDECIDED(spheres, ANY(TO_MASK(at.unsure)))) return at;
     const RodFineRay fine = {fine_start(spheres, ray), pairs_in_world(spheres, ray.d)};
     const FineRod found = fine_rod(way, fine, rod, 0);
     if (HAS(WITH_RAYS) && !ANY(TO_MASK(found.known))) mark_undecided(spheres);
@@ -531,5 +445,5 @@ static __attribute__((noinline)) RodMeeting rod_encounter(const Spheres spheres,
     at.is.flat = at.unsure ? found.is.flat : at.is.flat;
     at.is.last = at.unsure ? found.is.last : at.is.last;
 #endif
-    return uncovered(rod, at);
+    return at;
 }

@@ -28,8 +28,7 @@ static __attribute__((always_inline)) RodSight rod_sight(const Scene *scene, con
     const FLOAT b_off = line.error * ((magnitude(w.x) + magnitude(w.y)) + 1), a_off = 0x1p-20f * eye.a;
     const FLOAT first = line.b - line.most - b_off, last = line.b - line.least + b_off;
     const FLOAT soon = first / (line.a + a_off) * (1 - 0x1p-20f), late = last / (line.a - a_off) * (1 + 0x1p-20f);
-    is.sure = is.may & (first > 0) & (line.a > a_off) &
-              (is_whole(scene, number) ? is_between_discs(line, -1) : (MASK)0);
+    is.sure = is.may & (first > 0) & (line.a > a_off) & is_between_discs(line, -1);
     is.near.low = along ? -late : (1 - 0x1p-20f) / late;
     is.near.high = !(first > 0) ? (FLOAT)INFINITY : along ? -soon : (1 + 0x1p-20f) / soon;
     return is;

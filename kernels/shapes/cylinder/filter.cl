@@ -62,9 +62,3 @@ static MASK is_between_discs(const RodLine line, const float end) {
     const FLOAT one = FMA(end * line.we, line.least, line.Y), other = FMA(end * line.we, line.most, line.Y);
     return (magnitude(one) < line.room) & (magnitude(other) < line.room);
 }
-
-/* Whether what lines surely pass through is surely within a cylinder. Of a cut ball, the filter knows what it is
- * within, and nothing that is within it. */
-static int is_whole(const Scene *scene, const int number) {
-    return !HAS(WITH_CUTS) || number < scene->spheres.first_cut;
-}

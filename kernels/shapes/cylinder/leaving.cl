@@ -3,27 +3,16 @@
  * A point of a cylinder is named by q: q.x is how far along the axis it is, 0 .. 1 of the side, -1 of the disc at S and
  * 2 of that at E. With m = q.y e1 + q.z e2 (see across_of()), it is exactly S + q.x u + r m / |m| on the side, and S +
  * m or E + m on a disc.
- *
- * Of a cut ball, the side is the sphere: there it is exactly C + r m / |m| with m = (2 q.x - 1) u + q.y e1 + q.z e2.
- * Both of its discs are that at S. */
-
-/* Lanes in which a point is on the sphere of a cut ball. */
-#define ON_BALL(rod, q) (IS_ROUND(rod) & !ON_START(q) & !ON_END(q))
+ */
 
 /* From S, or from E on the disc there, to the point q. */
 static Place3 rod_place(const Rod rod, const Real3 q) {
     const Across e = across_of(rod);
-    const REAL_MASK on_end = ON_END(q) & !IS_ROUND(rod), side = !ON_END(q) & !ON_START(q), ball = ON_BALL(rod, q);
-    Real3 m = {q.y * e.first.x + q.z * e.second.x, q.y * e.first.y + q.z * e.second.y,
+    const REAL_MASK on_end = ON_END(q), side = !on_end & !ON_START(q);
+    const Real3 m = {q.y * e.first.x + q.z * e.second.x, q.y * e.first.y + q.z * e.second.y,
                q.y * e.first.z + q.z * e.second.z};
-    if (HAS(WITH_CUTS)) {
-        const REAL along = ball ? 2 * q.x - 1 : (REAL)0;
-        m.x = ball ? along * rod.u.x + m.x : m.x;
-        m.y = ball ? along * rod.u.y + m.y : m.y;
-        m.z = ball ? along * rod.u.z + m.z : m.z;
-    }
     const REAL over = rod.r * (1 / sqrt(DOT(m, m))), size = REAL_BYTES == 4 ? rod.span : (REAL)1;
-    const REAL by_m = side ? over : (REAL)1, by_u = side & !ball ? q.x * size : (REAL)0;
+    const REAL by_m = side ? over : (REAL)1, by_u = side ? q.x * size : (REAL)0;
     const Real3 u = rod.u;
     Place3 place;
     place.anchor.x = on_end ? (REAL_BYTES == 8 ? rod.end.x : rod.start.x + size * u.x) : rod.start.x;
@@ -33,10 +22,6 @@ static Place3 rod_place(const Rod rod, const Real3 q) {
     place.step.y = by_u * u.y + by_m * m.y;
     place.step.z = by_u * u.z + by_m * m.z;
     place.reach = size * ROD_SIZE(u) + rod.r;
-    if (HAS(WITH_CUTS)) {
-        PUT3(PUT_WHERE, ball, place.anchor, rod.center);
-        PUT_WHERE(IS_ROUND(rod), place.reach, ball ? 2 * rod.r : ROD_SIZE(place.step));
-    }
     return place;
 }
 
@@ -46,6 +31,29 @@ static void cylinder_leave(const Frame frame, const Spheres spheres, Leaving *ra
     const Place3 place = rod_place(rods_of(spheres, CYLINDER_OR_NONE(spheres, ray->own)), ray->q);
     leave_place(here, place, ray);
 }
+
+#ifdef WITH_PLANES
+/* Where points that are `step` from A are strictly inside of a cylinder. error: of the step. */
+static MASK cylinder_contains(const Scene *scene, const Real3 A, const Pair3 step, const REAL error, const int index) {
+    const Rod rod = rod_at(scene->spheres, index - FIRST_CYLINDER(scene->spheres));
+    const Pair3 p = {plus(two_sum(A.x, -rod.start.x), step.x), plus(two_sum(A.y, -rod.start.y), step.y),
+                     plus(two_sum(A.z, -rod.start.z), step.z)};
+#if REAL_BYTES == 8
+    const Pair3 u = {two_sum(rod.end.x, -rod.start.x), two_sum(rod.end.y, -rod.start.y),
+                     two_sum(rod.end.z, -rod.start.z)};
+    const Pair uu = dot_pairs(u, u), span = uu;
+#else
+    const Pair3 u = {pair(rod.u.x, 0), pair(rod.u.y, 0), pair(rod.u.z, 0)};
+    const Pair uu = pair(1, 0), span = pair(rod.span, 0);
+#endif
+    const Pair3 X = cross_pairs(p, u);
+    const Pair along = dot_pairs(p, u), rim = times(two_product(rod.r, rod.r), uu);
+    const REAL off = (error + PAIR_ERROR * size_of_pairs(p)) * size_of_pairs(u), X1 = size_of_pairs(X);
+    const REAL excess = minus(dot_pairs(X, X), rim).hi;
+    const REAL_MASK within = (along.hi > off) & (minus(along, span).hi < -(off + PAIR_ERROR * span.hi));
+    return TO_MASK(within & (excess < -(2 * X1 * off + off * off + PAIR_ERROR * (X1 * X1 + rim.hi))));
+}
+#endif
 
 /* What shadow rays start with is known since the point was met. */
 static void cylinder_place(const Spheres spheres, Start *start) {
@@ -78,20 +86,14 @@ static void cylinder_fine_start(const Spheres spheres, const Leaving ray, Pair3 
     const Pair3 axis = {choose_pair(by_x, one, none), choose_pair(by_y, one, none),
                         choose_pair(by_x | by_y, none, one)};
     const Pair3 e1 = cross_pairs(axis, u), e2 = cross_pairs(u, e1);
-    Pair3 m = {plus(times(a, e1.x), times(b, e2.x)), plus(times(a, e1.y), times(b, e2.y)),
+    const Pair3 m = {plus(times(a, e1.x), times(b, e2.x)), plus(times(a, e1.y), times(b, e2.y)),
                plus(times(a, e1.z), times(b, e2.z))};
-    const REAL_MASK ball = ON_BALL(rod, ray.q);
-    if (HAS(WITH_CUTS)) {
-        const Pair along = pair(2 * ray.q.x - 1, 0);
-        const Pair3 n = {plus(times(along, u.x), m.x), plus(times(along, u.y), m.y), plus(times(along, u.z), m.z)};
-        m = choose_pairs(ball, n, m);
-    }
     const REAL_MASK side = !ON_START(ray.q) & !ON_END(ray.q);
     const Pair mm = dot_pairs(m, m);
     const REAL guess = 1 / sqrt(mm.hi);
     const Pair rest = minus(one, times(mm, two_product(guess, guess)));
     const Pair r = times(pair(rod.r, 0), two_sum(guess, 0.5 * guess * (rest.hi + rest.lo)));
-    const Pair by_m = choose_pair(side, r, one), by_u = choose_pair(side & !ball, pair(ray.q.x, 0), none);
+    const Pair by_m = choose_pair(side, r, one), by_u = choose_pair(side, pair(ray.q.x, 0), none);
     const Pair3 own = {plus(times(by_u, u.x), times(by_m, m.x)), plus(times(by_u, u.y), times(by_m, m.y)),
                        plus(times(by_u, u.z), times(by_m, m.z))};
     *step = KINDS_OF_SHAPES == 1 ? own : choose_pairs(here, own, *step);
@@ -102,7 +104,7 @@ static void cylinder_fine_t(const Spheres spheres, const Leaving ray, const INT 
     const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(spheres, index));
     const RodFineRay way = {fine_start(spheres, ray), pairs_in_world(spheres, ray.d)};
     const Rod rod = rods_of(spheres, CYLINDER_OR_NONE(spheres, index));
-    const FineRod fine = fine_rod(rod_ray_of(spheres, ray, index, rod), way, rod, 0);
+    const FineRod fine = fine_rod(rod_ray_of(ray, index), way, rod, 0);
     t->t = choose_pair(here, fine.t.t, t->t);
     t->error = here ? fine.t.error : t->error;
 }

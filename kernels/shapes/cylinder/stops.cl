@@ -1,14 +1,13 @@
 /* stops.cl: cylinders between a point and a light. */
 
 /* The way from a start to a light, which is at a point, or in the direction `to`. */
-static RodRay rod_ray_to(const Spheres spheres, const real4 lamp, const int at_point, const Start P, const Rod rod) {
+static RodRay rod_ray_to(const real4 lamp, const int at_point, const Start P) {
     const Real3 L = {lamp.x, lamp.y, lamp.z}, A = P.anchor, none = {0, 0, 0};
     const Real3 way = {L.x - A.x, L.y - A.y, L.z - A.z};
     const Real3 w = {way.x - P.step.x, way.y - P.step.y, way.z - P.step.z};
-    RodRay ray = {A, P.step, at_point ? w : L, P.reach, at_point ? ROD_SIZE(way) + P.reach : (REAL)ROD_SIZE(L), 0,
+    const RodRay ray = {A, P.step, at_point ? w : L, P.reach, at_point ? ROD_SIZE(way) + P.reach : (REAL)ROD_SIZE(L), 0,
                   0, none};
-    if (HAS(WITH_CUTS)) ray.q = P.q;
-    return leveled(spheres, P.index, ray, rod);
+    return ray;
 }
 
 #if REAL_BYTES == 8
@@ -23,7 +22,7 @@ static __attribute__((noinline)) REAL_MASK rod_stops_finely(const Spheres sphere
                        minus(two_sum(to.z, -P->anchor.z), step.z)};
     RodFineRay fine = {step, whole};
     if (at_point) fine.w = way;
-    const FineRod found = fine_rod(rod_ray_to(spheres, lamp, at_point, *P, rod), fine, rod, 1);
+    const FineRod found = fine_rod(rod_ray_to(lamp, at_point, *P), fine, rod, 1);
     const REAL gap = (found.t.t.hi - 1) + found.t.t.lo;
     const REAL_MASK before = at_point ? gap < -found.t.error : TO_REAL_MASK(ALL_LANES);
     return found.is.hit & (found.t.t.hi > 0) & before;
@@ -36,7 +35,7 @@ static __attribute__((noinline)) MASK decide_rod(const Spheres spheres, const re
     Start P = *from;
     place_start(spheres, &P);
     const Rod rod = rod_at(spheres, number);
-    const RodMeeting at = rod_meet(rod_ray_to(spheres, lamp, at_point, P, rod), rod, TO_REAL_MASK(wanted));
+    const RodMeeting at = rod_meet(rod_ray_to(lamp, at_point, P), rod, TO_REAL_MASK(wanted));
     REAL_MASK stops = at.t < (at_point ? (REAL)1 : (REAL)INFINITY);
 #if REAL_BYTES == 8
     REAL_MASK unsure = at.unsure;
@@ -75,7 +74,7 @@ static RodGuess guess_rod(const Scene *scene, const ShadowRay ray, const int num
     if (!ANY(is.open)) return is;
     const FLOAT size = (magnitude(ray.w32.x) + magnitude(ray.w32.y)) + magnitude(ray.w32.z), off = line.error * size;
     const FLOAT a = ray.at_point ? line.a : (FLOAT)0, most_off = ray.at_point ? off + 0x1p-20f * ray.a : off;
-    for (int end = -1; is_whole(scene, number) && end <= 1 && is_outside_of(scene, ray, number); end++) {
+    for (int end = -1; end <= 1 && is_outside_of(scene, ray, number); end++) {
         const FLOAT one = line.b + end * line.least, other = line.b + end * line.most;
         const FLOAT low = end < 0 ? other : one, high = end < 0 ? one : other;
         const MASK before = ray.at_point ? high < -off : ALL_LANES;
@@ -84,18 +83,6 @@ static RodGuess guess_rod(const Scene *scene, const ShadowRay ray, const int num
     const MASK beyond = ray.at_point ? line.b - line.most > off : (MASK)0;
     is.open = is.open & !is.stopped & !beyond & !(line.b + line.most + a < -most_off);
     return is;
-}
-
-/* The lanes of `may` that surely lead to what a plane has cut away, from a disc in the plane that cuts this ball, too.
- * w.u is off by 2^-48 w1 u1, see RodErrors, and in float by less than 2^-18 w1 u1: four times that is sure. */
-static MASK cut_away(const Scene *scene, const ShadowRay ray, const Start start, const int number, const MASK may) {
-    const Spheres spheres = scene->spheres;
-    if (!HAS(WITH_CUTS) || number < spheres.first_cut) return 0;
-    if (!ANY(may & TO_MASK(ON_START(start.q) | ON_END(start.q)))) return 0;
-    const Rod rod = rod_at(spheres, number);
-    const RodRay way = rod_ray_to(spheres, scene->lamp[ray.number], ray.at_point, start, rod);
-    const REAL least = (REAL_BYTES == 8 ? (REAL)0x1p-46 : (REAL)0x1p-16f) * (way.w1 * ROD_SIZE(rod.u));
-    return may & TO_MASK(way.level & (DOT(way.w, rod.u) < -least));
 }
 
 /* The lanes of `may` that a cylinder stops. It is convex, so from outside the own one never does, and from inside it
@@ -108,7 +95,7 @@ static MASK cylinder_shadow(const Scene *scene, const ShadowRay ray, const Start
     MASK stops = own & TO_MASK(start.side < 0);
     if (ANY(stops) && !is_outside_of(scene, ray, number)) stops = 0;
     stops = stops | guess.stopped;
-    const MASK open = guess.open & !cut_away(scene, ray, start, number, guess.open);
+    const MASK open = guess.open;
     COUNT(FILTERED, may & !open);
     if (!ANY(open)) return stops;
     COUNT(DECIDED, open);

@@ -4,21 +4,9 @@ typedef struct {
     Real3 q, n;
 } RodPoint;
 
-/* What names the point of a cut ball's sphere that is d from its centre: the direction, of the length of u. */
-static Real3 ball_point(const Rod rod, const Across e, const Real3 d) {
-    const Real3 u = rod.u;
-    const REAL uu = DOT(u, u), over = 1 / sqrt(DOT(d, d)), length = sqrt(uu), along = DOT(d, u) * over / length;
-    const Real3 q = {(REAL)0.5f + (REAL)0.5f * (along < -1  ? (REAL)-1
-                                                : along > 1 ? (REAL)1
-                                                            : along),
-                     DOT(d, e.first) * over * length / DOT(e.first, e.first),
-                     DOT(d, e.second) * over * length / DOT(e.second, e.second)};
-    return q;
-}
-
 /* That of lanes whose rays meet their cylinders at t, by the part of the verdict. */
 static RodPoint rod_point(const Leaving ray, const Rod rod, const REAL t, const RodVerdict is) {
-    const REAL_MASK on_end = is.flat & is.last & !IS_ROUND(rod),
+    const REAL_MASK on_end = is.flat & is.last,
                     by_end = on_end & (REAL_BYTES == 8 ? TO_REAL_MASK(ALL_LANES) : (REAL_MASK)0);
     const Real3 A = {by_end ? rod.end.x : rod.start.x, by_end ? rod.end.y : rod.start.y,
                      by_end ? rod.end.z : rod.start.z};
@@ -37,17 +25,8 @@ static RodPoint rod_point(const Leaving ray, const Rod rod, const REAL t, const 
     at.q.x = is.flat ? (is.last ? (REAL)2 : (REAL)-1) : along;
     at.q.y = DOT(m, e.first) / DOT(e.first, e.first);
     at.q.z = DOT(m, e.second) / DOT(e.second, e.second);
-    Real3 out = {at.q.y * e.first.x + at.q.z * e.second.x, at.q.y * e.first.y + at.q.z * e.second.y,
+    const Real3 out = {at.q.y * e.first.x + at.q.z * e.second.x, at.q.y * e.first.y + at.q.z * e.second.y,
                  at.q.y * e.first.z + at.q.z * e.second.z};
-    const REAL_MASK ball = IS_ROUND(rod) & !is.flat;
-    if (HAS(WITH_CUTS)) {
-        const Real3 C = rod.center,
-                    d = {t * ray.w.x - ((C.x - ray.center.x) - ray.p.x), t * ray.w.y - ((C.y - ray.center.y) - ray.p.y),
-                         t * ray.w.z - ((C.z - ray.center.z) - ray.p.z)};
-        const Real3 q = ball_point(rod, e, d);
-        at.q = rod_chosen(ball, q, at.q);
-        out = rod_chosen(ball, d, out);
-    }
     const REAL way = is.last ? (REAL)1 : (REAL)-1;
     Real3 n = {is.flat ? way * u.x : out.x, is.flat ? way * u.y : out.y, is.flat ? way * u.z : out.z};
     const REAL shorter = 1 / sqrt(DOT(n, n));

@@ -45,7 +45,7 @@ static Real3 mapped_back(const Matrix m, const Real3 v) {
     return w;
 }
 
-#if REAL_BYTES == 8
+#if REAL_BYTES == 8 || defined(WITH_PLANES)
 static Pair dot_matrix(const Real3 row, const Real3 rest, const Pair3 v) {
     return plus(plus(times(pair(row.x, rest.x), v.x), times(pair(row.y, rest.y), v.y)),
                 times(pair(row.z, rest.z), v.z));

@@ -10,34 +10,6 @@
  * the ray hits if D >= 0 and, unless c < 0, b > 0; it does so at t = (b - sqrt(D)) / a, or with a plus if c <= 0.
  */
 #if REAL_BYTES == 8
-static Pair dot_pairs(const Pair3 u, const Pair3 v) {
-    return plus(plus(times(u.x, v.x), times(u.y, v.y)), times(u.z, v.z));
-}
-
-static Pair3 cross_pairs(const Pair3 u, const Pair3 v) {
-    const Pair3 cross = {minus(times(u.y, v.z), times(u.z, v.y)), minus(times(u.z, v.x), times(u.x, v.z)),
-                         minus(times(u.x, v.y), times(u.y, v.x))};
-    return cross;
-}
-
-static Pair choose_pair(const REAL_MASK first, const Pair a, const Pair b) {
-    const Pair c = {first ? a.hi : b.hi, first ? a.lo : b.lo};
-    return c;
-}
-
-static Pair3 choose_pairs(const REAL_MASK first, const Pair3 a, const Pair3 b) {
-    const Pair3 c = {{first ? a.x.hi : b.x.hi, first ? a.x.lo : b.x.lo},
-                     {first ? a.y.hi : b.y.hi, first ? a.y.lo : b.y.lo},
-                     {first ? a.z.hi : b.z.hi, first ? a.z.lo : b.z.lo}};
-    return c;
-}
-
-/* Of numbers of which two are no pairs. */
-static Pair dot_axis(const real4 axis, const Pair3 v) {
-    const Pair x = pair(axis.x, 0), y = pair(axis.y, 0), z = pair(axis.z, 0);
-    return plus(plus(times(x, v.x), times(y, v.y)), times(z, v.z));
-}
-
 /* B^T v. */
 static Pair3 pairs_in_world(const Spheres spheres, const Real3 v) {
     const real4 right = spheres.camera[1], up = spheres.camera[2], back = spheres.camera[3];
@@ -55,11 +27,6 @@ typedef struct {
     Pair a, b, c, D;
     REAL b_error, c_error, D_error; /* c_error only of parallel rays: else the host knows c */
 } Fine;
-
-/* |x| + |y| + |z|. */
-static REAL size_of_pairs(const Pair3 v) {
-    return (fabs(v.x.hi) + fabs(v.y.hi)) + fabs(v.z.hi);
-}
 
 /* c and D of rays that start at o, from the plane of an orthographic camera; f: from there to the centre. */
 static void fine_from_plane(const Ray ray, const Sphere sphere, const Pair3 f, Fine *e) {

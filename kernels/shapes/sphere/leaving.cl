@@ -346,6 +346,24 @@ static __attribute__((noinline)) REAL_MASK comes_first_from(const Spheres sphere
 #define sphere_break_tie(spheres, ray, A, B, close, first)
 #endif
 
+#ifdef WITH_PLANES
+/* Where points that are `step` from A are strictly inside of a sphere or an ellipsoid. error: of the step. */
+static MASK sphere_contains(const Scene *scene, const Real3 A, const Pair3 step, const REAL error, const int index) {
+    const Ball ball = balls_of(scene->spheres, (INT)index);
+    Pair3 f = {minus(two_sum(ball.center.x, -A.x), step.x), minus(two_sum(ball.center.y, -A.y), step.y),
+               minus(two_sum(ball.center.z, -A.z), step.z)};
+    REAL off = error;
+    if (HAS(WITH_ELLIPSOIDS) && ANY(ball.map != 0)) {
+        const Matrix K = matrices_of(scene->spheres, ball.map, 0), none = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}, 0};
+        f = mapped_pairs(K, none, f);
+        off *= K.size;
+    }
+    const REAL f1 = size_of_pairs(f), ff = f1 * f1, rr = ball.r * ball.r;
+    const REAL c = minus(dot_pairs(f, f), two_product(ball.r, ball.r)).hi;
+    return TO_MASK(c < -(2 * f1 * off + off * off + PAIR_ERROR * (ff + rr)));
+}
+#endif
+
 /* What shadow rays start with is known since the point was met. */
 static void sphere_place(const Spheres spheres, Start *start) {
 }

@@ -74,7 +74,7 @@ static __attribute__((always_inline)) void sphere_put(const Frame frame, const S
     }
     stretch_at(frame, scene, ray, hit, round, at);
     if (HAS(WITH_UV)) map_spheres(frame, at);
-    if (ANY_PLACED) start_in_world(frame, scene, hit.id, at);
+    if (ANY_PLACED || HAS(WITH_PLANES)) start_in_world(frame, scene, hit.id, at);
 }
 
 #ifdef WITH_BOUNCES
@@ -94,6 +94,6 @@ static __attribute__((always_inline)) void sphere_put_from(const Frame frame, co
     }
     stretch(at, spot, met.at.inside);
     if (HAS(WITH_TEXTURES)) map_spheres(frame, at);
-    if (ANY_PLACED) start_in_world(frame, scene, met.id, at);
+    if (ANY_PLACED || HAS(WITH_PLANES)) start_in_world(frame, scene, met.id, at);
 }
 #endif

@@ -60,6 +60,9 @@ static void triangle_encounter(const Scene *scene, const Leaving ray, const INT 
     PUT_OF_SHAPE(here, at->inside, (REAL_MASK)0);
 }
 
+/* A triangle is open: what meshes contain is told by how many of their triangles rays meet, see range.cl. */
+#define triangle_contains(scene, A, step, error, index) ((MASK)0)
+
 /* The number of a triangle in its mesh. */
 static int triangle_primitive(const Scene *scene, const int index) {
     return scene->number_of[index - FIRST_TRIANGLE(scene->spheres)];

@@ -701,7 +701,7 @@ static __attribute__((noinline)) FineTriangle fine_triangle(const Spheres sphere
 static FinePath fine_path(const Spheres spheres, const Leaving ray) {
     const MASK here = IS_TRIANGLE(spheres, ray.own);
     const INT own = ray.own - (here ? (INT)FIRST_TRIANGLE(spheres) : (INT)0);
-    const REAL_MASK whole = TO_REAL_MASK((ray.own < 0) | here);
+    const REAL_MASK whole = TO_REAL_MASK((ray.own == -1) | here);
     const FinePath path = {ray.center,
                            fine_start(spheres, ray),
                            pairs_in_world(spheres, ray.d),
