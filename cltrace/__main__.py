@@ -3,7 +3,7 @@
 import sys
 from typing import NoReturn
 
-from cltrace.process.entry import start
+from cltrace.process.entry import start, start_forkserver
 
 
 def main() -> NoReturn:
@@ -14,9 +14,7 @@ def main() -> NoReturn:
 def _begin_cluster() -> None:
     """Where a cluster of this machine is asked for, its first process starts beside the imports of this one."""
     if "--cluster local" in " ".join(sys.argv).replace("=", " "):
-        from cltrace.process.forkserver import prepare
-
-        prepare("cltrace.distributed.farm")
+        start_forkserver("cltrace.distributed.farm")
 
 
 if __name__ == "__main__":

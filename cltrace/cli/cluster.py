@@ -19,8 +19,7 @@ from cltrace.base.waiting import Announcement
 from cltrace.cli.files import Reporter, scene_of, targets_of, write_rows
 from cltrace.cli.options import Options
 from cltrace.plan.request import Request
-from cltrace.process.entry import imported
-from cltrace.process.forkserver import METHOD, prepare
+from cltrace.process.entry import METHOD, imported, start_forkserver
 
 LOCAL = re.compile(r"local(?::([1-9][0-9]{0,3}))?")
 # Of a local cluster. What dask watches by default, up to fifty times a second, takes a tenth of a processor.
@@ -73,7 +72,7 @@ def client_of(spec: str) -> Iterator[Any]:
         raise MissingPackageError("--cluster", "distributed", "dask")
     local = LOCAL.fullmatch(spec)
     if local:
-        prepare(WORKERS)
+        start_forkserver(WORKERS)
     distributed = imported("distributed")
     # Else it imports pandas here, where that is installed, for a process that has begun already.
     distributed.utils._forkserver_preload_set = True
