@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import judge
 import mpmath
 import numpy as np
 import pytest
 from hostile import bounced_regimes, mesh_regimes, rod_pictures
 from hostile.sphere_regimes import REGIMES, camera_space, rays
+from rational_meshes import doubles_mesh
 
 from cltrace import Camera, Mesh, Scene
-from cltrace.exact.lines import ExactPoint, Line
-from cltrace.exact.shapes import ExactCylinder, ExactSphere, ExactTriangle
 from cltrace.oracle import closest, closest_hit
-from cltrace.oracle.rays import to_light
+from cltrace.oracle.rays import along, to_light
+from cltrace.oracle.scenes import kinds_of
 from cltrace.oracle.search import Kinds
 from cltrace.oracle.spheres import Spheres, on_spheres
 from cltrace.oracle.triangles import Triangles, on_triangles
@@ -146,38 +144,48 @@ def test_whole_numbers(seed: int) -> None:
     assert len(seen) > 4
 
 
-def exactly(surfaces: list[Named]) -> Iterator[ExactSphere | ExactTriangle | ExactCylinder]:
-    for _, _, one in surfaces:
-        if isinstance(one, judge.Ball):
-            yield ExactSphere(one.center, one.radius, one.to_object)
-        elif isinstance(one, judge.Rod):
-            yield ExactCylinder(one.start, one.end, one.radius)
-        else:
-            yield ExactTriangle(one.corners)
+def double_scene(rng: np.random.Generator, offset: float) -> Scene:
+    """Around corners, and with needles, far from the origin and before any camera."""
+    mesh = doubles_mesh(rng, offset)
+    eye = mesh.geometry.vertices[8] + rng.normal(size=3)
+    camera = Camera(tuple(eye), tuple(eye + rng.normal(size=3)), tuple(rng.normal(size=3)))
+    egg = np.array([np.eye(3), rng.normal(size=(3, 3))])
+    return Scene.from_spheres(camera, (), [eye, eye + 1], [3, 0.5], transform=egg, meshes=[mesh])
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_lights_from_points_of_triangles(seed: int) -> None:
-    """By engine and filters, from points within triangles to lights on other surfaces."""
-    rng = np.random.default_rng(seed + 50)
-    scene = whole_scene(rng)
-    flat, surfaces = Triangles.of(scene), surfaces_of(scene)
-    own, corner = rng.integers(len(flat.faces), size=20), rng.integers(3, size=20)
-    uv = rng.choice([0.25, 0.5, 0.125], (20, 2)) / 2
-    points = on_triangles(flat, own, corner, uv)
-    solids = list(exactly(surfaces))
-    for k in range(20):
-        light, start = rng.integers(-4, 5, 3).astype(float), points.place(k)
-        place = [mpmath.mpf(x.numerator) / x.denominator for x in start.fractions()]
-        if light.tolist() == place:
-            continue
-        for solid, (_, primitive, surface) in zip(solids, surfaces, strict=True):
-            if primitive == own[k]:
-                continue
-            source = ExactPoint.of(light.tolist())
-            line = Line(source, start - source) if primitive >= 0 else Line(start, source - start)
-            met = solid.first(line, 0.0, 1.0) is not None
-            assert met == judge.between([surface], place, light, parallel=False)
+@pytest.mark.parametrize("seed", range(6))
+def test_rays_and_lights_from_points_of_surfaces(seed: int) -> None:
+    """From triangles, at their edges, too, and from spheres, towards corners and points of edges."""
+    rng, count = np.random.default_rng(seed + 50), 12
+    scene = double_scene(rng, 1e7 * (seed % 4 == 1)) if seed % 2 else whole_scene(rng)
+    flat, spheres, surfaces, kinds = Triangles.of(scene), Spheres.of(scene), surfaces_of(scene), kinds_of(scene)
+    own, corner = rng.integers(len(flat.faces), size=count), rng.integers(3, size=count)
+    on_flat = on_triangles(flat, own, corner, rng.choice([0, 0.25, 0.5, 2.0**-64, 0.1], (count, 2)))
+    ball, n = rng.integers(2, size=count), rng.choice([-2.0, 0, 1, 0.7], (count, 3)) + (0, 0, 0.25)
+    on_ball = on_spheres(spheres, ball, n, scene.camera.basis())
+    a, b = flat.vertices[rng.integers(len(flat.vertices), size=(2, count))]
+    for points, kind in ((on_flat, Triangles), (on_ball, Spheres)):
+        places = []
+        for k in range(count):
+            if kind is Triangles:
+                with mpmath.workdps(judge.DIGITS):
+                    places.append([mpmath.mpf(x.numerator) / x.denominator for x in points.place(k).fractions()])
+            else:
+                surface = surfaces[int(spheres.surface[ball[k]])][2]
+                assert isinstance(surface, judge.Ball)
+                places.append(surface.point(in_world(scene, n[k]) if surface.to_object is None else n[k]))
+        d = (a + (b - a) * rng.choice([0, 0.5, 0.25], (count, 1))) - np.array([[float(x) for x in p] for p in places])
+        d[~d.any(axis=1)] = 1
+        found = kinds.closest(along(points, d, np.eye(3)))
+        t, light = found.rounded(), b[0] + (0, 0, 1.0)
+        blocked = Kinds([flat]).blocked(to_light(points, light, parallel=False))
+        parallel = kinds.blocked(to_light(points, light, parallel=True))
+        for k, place in enumerate(places):
+            got = (np.append(numbers, -1)[found.item[k]] for numbers in (kinds.surface, kinds.primitive))
+            agree(surfaces, (*map(int, got), float(t[k])), place, d[k])
+            flats = [one[2] for one in surfaces if isinstance(one[2], judge.Flat)]
+            assert blocked[k] == judge.between(flats, place, light, parallel=False)
+            assert parallel[k] == judge.between([one[2] for one in surfaces], place, light, parallel=True)
 
 
 def test_the_judge_finds_mistakes() -> None:

@@ -5,23 +5,22 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
-from fractions import Fraction
 
 import numpy as np
 import pytest
 from hostile import mesh_pictures
 from hostile.mesh_pictures import Seen, each_named, expected, in_light, judge, judge_light, judge_onward
 from hostile.mesh_regimes import AROUND, CLOSED, REGIMES, TAN, scene_of
-from rational_meshes import Vector, corners_of, doubles_mesh, exactly, grid_mesh, meets, minus, nearest, triangle_point
+from rational_meshes import doubles_mesh, grid_mesh
 
 from cltrace import Camera, Mesh, Scene, parallel_light, point_light
 from cltrace.exact.lines import Line, Root
 from cltrace.exact.shapes import ExactTriangle
 from cltrace.exact.surds import Surd
-from cltrace.oracle.rays import Points, along, at_point, to_light
+from cltrace.oracle.rays import along, to_light
 from cltrace.oracle.search import Kinds
 from cltrace.oracle.spheres import Spheres, on_spheres
-from cltrace.oracle.triangles import Triangles, on_triangles
+from cltrace.oracle.triangles import Triangles
 from cltrace.reference import world_of
 from cltrace.reference.trace import closest_hit, primary_ray, trace
 
@@ -54,95 +53,6 @@ def directions(scene: Scene, rng: np.random.Generator, count: int) -> np.ndarray
     return np.where(rng.random((count, 1)) < 0.5, whole, at @ np.array(scene.camera.basis()).T)
 
 
-def exact_way(scene: Scene, d: np.ndarray) -> Vector:
-    axes = [exactly(row) for row in scene.camera.basis()]
-    return exactly([sum(Fraction(float(e)) * row[i] for e, row in zip(d, axes, strict=True)) for i in range(3)])
-
-
-def some_points(scene: Scene, rng: np.random.Generator, count: int) -> tuple[Points, list[Vector]]:
-    """Points of triangles, often on edges and at corners."""
-    triangles = Triangles.of(scene)
-    own, corner = rng.integers(len(triangles.faces), size=count), rng.integers(3, size=count)
-    uv = rng.choice([0, 0.25, 0.5, 2.0**-64, 0.1], (count, 2))
-    corners = [c for _, _, c in corners_of(scene)]
-    places = [triangle_point(corners[o], k, u, v) for o, k, (u, v) in zip(own, corner, uv.tolist(), strict=True)]
-    return on_triangles(triangles, own, corner, uv), places
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_what_rays_meet(seed: int) -> None:
-    """From the eye and from triangles: the right triangle, how many, and where."""
-    rng, count = np.random.default_rng(seed + 100), 60
-    scene = some_scene(seed)
-    triangles, d, basis = Triangles.of(scene), directions(scene, rng, count), scene.camera.basis()
-    leaves, places = some_points(scene, rng, count)
-    for start, origins in ((at_point(scene.camera.position, count), None), (leaves, places)):
-        rays = along(start, d, basis)
-        found, counts = Kinds([triangles]).closest(rays), Kinds([triangles]).counts(rays)
-        row, t = found.item, found.t.h
-        for i in range(count):
-            own = (int(triangles.surface[start.own[i]]), int(triangles.primitive[start.own[i]]))
-            origin, way = exactly(scene.camera.position) if origins is None else origins[i], exact_way(scene, d[i])
-            want = nearest(scene, origin, way, own if start.own[i] >= 0 else None)
-            got = (int(triangles.surface[row[i]]), int(triangles.primitive[row[i]])) if row[i] >= 0 else None
-            assert got == (want[1:] if want else None)
-            assert want is None or abs(Fraction(t[i]) - want[0]) <= want[0] * Fraction(2) ** -20
-            met = [meets(origin, way, corners) for number, k, corners in corners_of(scene) if (number, k) != own]
-            if start.own[i] >= 0:
-                assert counts[i] == len(met) - met.count(None)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_which_lights_are_stopped(seed: int) -> None:
-    rng, count = np.random.default_rng(seed + 200), 40
-    scene = some_scene(seed)
-    triangles = Triangles.of(scene)
-    leaves, places = some_points(scene, rng, count)
-    vertices = triangles.vertices
-    corners = [c for _, _, c in corners_of(scene)]
-    for k in range(6):
-        parallel = k % 2 == 1
-        light = vertices[rng.integers(len(vertices))] * 2 - vertices[rng.integers(len(vertices))]
-        light = np.where(rng.random() < 0.5, light, np.round(light)) if not parallel else rng.integers(-2, 3, 3) + 0.0
-        if parallel and not light.any():
-            continue
-        got = Kinds([triangles]).blocked(to_light(leaves, light, parallel))
-        for i in range(count):
-            origin = places[i] if parallel else exactly(light.tolist())
-            way = exactly((-light).tolist()) if parallel else minus(places[i], origin)
-            # A light that touches the point is not stopped.
-            met = [meets(origin, way, c) for j, c in enumerate(corners) if j != leaves.own[i] and any(way)]
-            assert got[i] == any(t is not None and (parallel or t < 1) for t in met)
-
-
-PYTHAGORAS = [(3, 4, 0), (0, -3, 4), (1, 2, 2), (2, -1, 2), (-2, 3, 6), (0, 0, -1), (6, 2, -3), (-4, 0, 3)]
-
-
-@pytest.mark.parametrize("seed", range(0, 4, 2))
-def test_rays_from_spheres(seed: int) -> None:
-    """From points that are rational, and that square roots must find to be so."""
-    rng = np.random.default_rng(seed + 300)
-    scene = some_scene(seed)
-    n = np.repeat(np.array(PYTHAGORAS, float), 6, axis=0)
-    triangles, d = Triangles.of(scene), rng.integers(-2, 3, (len(n), 3)) + (0.0, 0.0, 0.25)
-    start = on_spheres(Spheres.of(scene), np.zeros(len(n), int), n, scene.camera.basis())
-    row = Kinds([triangles]).closest(along(start, d, scene.camera.basis())).item
-    lights = rng.integers(-3, 4, (4, 3)).astype(float)
-    dark = [Kinds([triangles]).blocked(to_light(start, light, False)) for light in lights]
-    sphere, corners = scene.spheres[0], [c for _, _, c in corners_of(scene)]
-    for i, q in enumerate(n.tolist()):
-        length = math.isqrt(int(sum(x * x for x in q)))
-        out = [Fraction(float(sphere["radius"])) * int(x) / length for x in q]
-        place = exactly([Fraction(c) + x for c, x in zip(sphere["center"].tolist(), out, strict=True)])
-        want = nearest(scene, place, exactly(d[i].tolist()))
-        assert (want[1:] if want else None) == (
-            (triangles.surface[row[i]], triangles.primitive[row[i]]) if row[i] >= 0 else None
-        )
-        for k, light in enumerate(lights.tolist()):
-            met = [meets(exactly(light), minus(place, exactly(light)), c) for c in corners]
-            assert dark[k][i] == any(t is not None and t < 1 for t in met)
-
-
 @pytest.mark.parametrize("seed", [1, 3])
 def test_doubles_from_spheres_and_ellipsoids_are_right(seed: int) -> None:
     """Where they are sure: the same as by whole numbers alone."""
@@ -167,6 +77,8 @@ def test_square_roots_have_the_right_sign() -> None:
     for a, b, s in itertools.product(values, values, (0, 1, 2, 3, 4, 9, 10)):
         value = a + b * math.sqrt(s)
         assert Surd(a, b, s).sign() == (0 if abs(value) < 1e-9 else math.copysign(1, value))
+    with pytest.raises(ValueError, match="two different square roots"):
+        Surd(0, 1, 2) + Surd(0, 1, 3)
 
 
 # -------------------------------------------------------------------------------------------------------------- regimes
