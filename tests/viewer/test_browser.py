@@ -24,11 +24,6 @@ SIZE = cltrace.load(FILE).camera.resolution
 
 
 @pytest.fixture(scope="module")
-def spec(request: pytest.FixtureRequest) -> str:
-    return request.config.getoption("--device") or "cpu"
-
-
-@pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     if not CHROMIUM:
         pytest.skip("there is no Chromium: apt-get install chromium")

@@ -22,11 +22,6 @@ from cltrace.viewer.stage import Stage, film_of
 SCENE = cltrace.load(FILE)
 
 
-@pytest.fixture
-def spec(request: pytest.FixtureRequest) -> str:
-    return request.config.getoption("--device") or "cpu"
-
-
 def session_of(frames: Any, spec: str, count: int | None = None, output: str | None = None) -> Session:
     def write(items: Any, output: str) -> object:
         return cltrace.animate(items, output, scene=SCENE, device=spec, progress=False, fps=10)

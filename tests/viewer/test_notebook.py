@@ -20,7 +20,7 @@ import pytest
 from PIL import Image as Picture
 
 # Fixtures and helpers of the page's tests: the widget is the same page.
-from test_browser import SIZE, browser, middle, page, rested, shown, spec
+from test_browser import SIZE, browser, middle, page, rested, shown
 from test_server import FILE
 
 import cltrace

@@ -67,11 +67,6 @@ def viewer(spec: str, *arguments: str, cwd: Path | None = None) -> Iterator[Runn
 
 
 @pytest.fixture(scope="module")
-def spec(request: pytest.FixtureRequest) -> str:
-    return request.config.getoption("--device") or "cpu"
-
-
-@pytest.fixture(scope="module")
 def running(spec: str) -> Iterator[Running]:
     with viewer(spec, str(FILE)) as found:
         yield found

@@ -34,11 +34,6 @@ FILE = SCENES / "minimal.xml"
 
 
 @pytest.fixture
-def spec(request: pytest.FixtureRequest) -> str:
-    return request.config.getoption("--device") or "cpu"
-
-
-@pytest.fixture
 def stage(spec: str) -> Stage:
     return Stage(read(str(FILE), True)[0], choose(spec))
 

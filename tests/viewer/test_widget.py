@@ -37,11 +37,6 @@ class Shell(traitlets.HasTraits):
 
 
 @pytest.fixture
-def spec(request: pytest.FixtureRequest) -> str:
-    return request.config.getoption("--device") or "cpu"
-
-
-@pytest.fixture
 def shell(monkeypatch: pytest.MonkeyPatch) -> Shell:
     found = Shell()
     monkeypatch.setattr(module, "get_ipython", lambda: found)
