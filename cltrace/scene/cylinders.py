@@ -22,6 +22,7 @@ from cltrace.scene.rules import (
     ANY,
     NOT_NEGATIVE,
     POSITIVE,
+    check_none,
     check_not_bytes,
     check_rule,
     checked,
@@ -30,7 +31,7 @@ from cltrace.scene.rules import (
     records_of,
     vector,
 )
-from cltrace.scene.spheres import Columns
+from cltrace.scene.spheres import Columns, column
 from cltrace.scene.surfaces import Floats, Ids, NumberedSurfaces, moved
 
 CYLINDER = np.dtype(
@@ -88,13 +89,10 @@ class Bonds(Frozen):
             raise ValueError(f"bonds[{i}]: must be once, but {joined}")
         if radius is None:
             raise ValueError("bond_radius: must be given with bonds")
-        sizes = numbers("bond_radius", radius)
-        if sizes.shape not in ((), (len(given),)):
-            raise ValueError(f"bond_radius: must have shape {(len(given),)} or be one value, got {sizes.shape}")
-        check_rule("bond_radius", POSITIVE, sizes)
+        sizes = column("bond_radius", POSITIVE, radius, (len(given),))
         edges = np.zeros((0, 3)) if box is None else box_of(box)
         none = np.zeros((0, 2), np.int32)
-        return cls(given.astype(np.int32), np.array(np.broadcast_to(sizes, (len(given),))), none, edges)
+        return cls(given.astype(np.int32), np.broadcast_to(sizes, (len(given),)).astype(np.float64), none, edges)
 
     def placed(self, center: NDArray[Any], of_spheres: NDArray[Any]) -> NDArray[np.void]:
         """CYLINDER records without numbers.
@@ -235,13 +233,9 @@ def _check(cylinders: NDArray[np.void], materials: int) -> None:
     for name, rule in (("start", ANY), ("end", ANY), ("radius", POSITIVE)):
         check_rule(f"cylinders.{name}", rule, cylinders[name])
     _check_length("cylinders.end", cylinders["start"], cylinders["end"])
-    for name, lost, words in (
-        ("material", (cylinders["material"] < 0) | (cylinders["material"] >= materials), "the index of a material"),
-        ("number", cylinders["number"] < 0, "at least 0"),
-    ):
-        if lost.any():
-            i = int(np.argmax(lost))
-            raise ValueError(f"cylinders.{name}[{i}]: must be {words}, got {cylinders[name][i]}")
+    of = cylinders["material"]
+    check_none("cylinders.material", (of < 0) | (of >= materials), "the index of a material", of)
+    check_none("cylinders.number", cylinders["number"] < 0, "at least 0", cylinders["number"])
 
 
 def _check_length(name: str, starts: Floats, ends: Floats) -> None:
@@ -293,10 +287,7 @@ def cylinders_of(starts: ArrayLike, ends: ArrayLike, radius: ArrayLike) -> NDArr
     first, last = (checked(name, ANY, value, (-1, 3)) for name, value in (("starts", starts), ("ends", ends)))
     if len(first) != len(last):
         raise ValueError(f"ends: must be as many as starts, {len(first)}, got {len(last)}")
-    sizes = numbers("radius", radius)
-    if sizes.shape not in ((), (len(first),)):
-        raise ValueError(f"radius: must have shape {(len(first),)} or be one value, got {sizes.shape}")
-    check_rule("radius", POSITIVE, sizes)
+    sizes = column("radius", POSITIVE, radius, (len(first),))
     _check_length("ends", first, last)
     out = np.zeros(len(first), CYLINDER)
     out["start"], out["end"], out["radius"] = first, last, sizes

@@ -15,6 +15,7 @@ from cltrace.scene.rules import (
     ANY,
     NOT_NEGATIVE,
     Vector,
+    check_none,
     check_not_bytes,
     check_rule,
     checked,
@@ -198,11 +199,8 @@ def check_materials(materials: NDArray[np.void], textures: int) -> None:
 
     textures: how many there are.
     """
-    lost = (materials["texture"] < -1) | (materials["texture"] >= textures)
-    if lost.any():
-        i = int(np.argmax(lost))
-        got = materials["texture"][i]
-        raise ValueError(f"materials.texture[{i}]: must be -1 or the index of one of textures, got {got}")
+    of = materials["texture"]
+    check_none("materials.texture", (of < -1) | (of >= textures), "-1 or the index of one of textures", of)
     for name in (*COEFFICIENTS, "color"):
         check_rule(f"materials.{name}", NOT_NEGATIVE, materials[name])
     check_index("materials.index", materials["index"], materials["transmittance"])

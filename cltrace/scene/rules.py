@@ -144,6 +144,13 @@ def check_rule(name: str, rule: Rule, array: NDArray[Any]) -> None:
         raise ValueError(f"{name}{index}: {rule.fault(float(array[tuple(where)]))}")
 
 
+def check_none(name: str, bad: NDArray[np.bool_], words: str, values: NDArray[Any]) -> None:
+    """Raises ValueError at the first of (n,) values that is bad: it names the index, and what it must be."""
+    if bad.any():
+        i = int(np.argmax(bad))
+        raise ValueError(f"{name}[{i}]: must be {words}, got {values[i]}")
+
+
 def records_of(name: str, value: NDArray[np.void], dtype: np.dtype[np.void]) -> NDArray[np.void]:
     """A copy of an (n,) array of these records; TypeError if it is none: numpy would turn a number into all fields."""
     if not isinstance(value, np.ndarray) or value.dtype.names != dtype.names or value.ndim != 1:

@@ -24,6 +24,7 @@ from cltrace.scene.rules import (
     NOT_NEGATIVE,
     POSITIVE,
     Rule,
+    check_none,
     check_not_bytes,
     check_rule,
     checked,
@@ -52,15 +53,10 @@ def check_spheres(spheres: NDArray[np.void], materials: int, to_object: NDArray[
         raise ValueError(f"spheres: must be at most {MAX_SPHERES}, got {len(spheres)}")
     check_rule("spheres.center", ANY, spheres["center"])
     check_rule("spheres.radius", POSITIVE, spheres["radius"])
-    lost = (spheres["material"] < 0) | (spheres["material"] >= materials)
-    if lost.any():
-        i = int(np.argmax(lost))
-        raise ValueError(f"spheres.material[{i}]: must be the index of a material, got {spheres['material'][i]}")
-    lost = (spheres["to_object"] < -1) | (spheres["to_object"] >= len(to_object))
-    if lost.any():
-        i = int(np.argmax(lost))
-        got = spheres["to_object"][i]
-        raise ValueError(f"spheres.to_object[{i}]: must be -1 or the index of one of to_object, got {got}")
+    of, maps = spheres["material"], spheres["to_object"]
+    check_none("spheres.material", (of < 0) | (of >= materials), "the index of a material", of)
+    words = "-1 or the index of one of to_object"
+    check_none("spheres.to_object", (maps < -1) | (maps >= len(to_object)), words, maps)
     reach = reaches(to_object)
     singular = np.isnan(reach).any(axis=1)
     if singular.any():
