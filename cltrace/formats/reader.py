@@ -61,8 +61,19 @@ class _SceneReader(Checks):
 
     def run(self) -> None:
         """Reads the file; `result` then has what came of it."""
+        document = self.document
         try:
-            self._parse()
+            for _ in document.grow():
+                self._take_complete()
+            if document.malformed:
+                self.faults.add(document.malformed.line, document.malformed.message)
+                # In the elements that may be open nothing is missing yet: the last one, its last child, and so on.
+                element = document.root
+                while element is not None:
+                    self.cut_off.add(element)
+                    element = next(element.iterchildren("*", reversed=True), None)
+            if document.root is not None:
+                self._take(document.root, whole=True)
         except FatalError as fatal:
             self.faults.add(*fatal.args)
 
@@ -132,22 +143,6 @@ class _SceneReader(Checks):
             square_pixels=False,  # the tutorial's rule for the shorter side
         )
 
-    def _parse(self) -> None:
-        for _ in self.document.grow():
-            self._take_complete()
-        if malformed := self.document.malformed:
-            self.faults.add(malformed.line, malformed.message)
-            self._mark_cut_off()
-        if self.document.root is not None:
-            self._take(self.document.root, whole=True)
-
-    def _mark_cut_off(self) -> None:
-        """Notes the elements that may be open, in which nothing is missing yet: the last one, its last child, ..."""
-        element = self.document.root
-        while element is not None:
-            self.cut_off.add(element)
-            element = next(element.iterchildren("*", reversed=True), None)
-
     # Sections: scene, lights and surfaces
 
     def _take_complete(self) -> None:
@@ -161,10 +156,8 @@ class _SceneReader(Checks):
             element = root
             while element.tag in SECTIONS and len(element):
                 element = element[-1]
-            raise FatalError(
-                self.document.line_of(element),
-                f"{element.tag}: must not have more than {MAX_PARTS} parts{hint('parts')}",
-            )
+            message = f"{element.tag}: must not have more than {MAX_PARTS} parts{hint('parts')}"
+            raise FatalError(self.document.line_of(element), message)
 
     def _take(self, section: etree._Element, whole: bool) -> None:
         """Reads and drops the complete children of a section: all but the last, unless the section is `whole`."""
@@ -190,12 +183,10 @@ class _SceneReader(Checks):
         elif "output_file" in values:
             self._output_file = values["output_file"]
             if Path(self._output_file).suffix.lower() != ".png":
+                written = quoted(self._output_file)
+                message = f"scene: output_file {written} does not end in .png, which is appended"
+                self.warnings.add(self.document.line_of(section), message)
                 self._output_file += ".png"
-                written = quoted(values["output_file"])
-                self.warnings.add(
-                    self.document.line_of(section),
-                    f"scene: output_file {written} does not end in .png, which is appended",
-                )
 
     def _parts(self, scene: etree._Element, children: Sequence[etree._Element]) -> None:
         for child in children:
