@@ -1,8 +1,8 @@
-"""The exact oracle: what a ray meets, in arithmetic that rounds nothing.
+"""The exact oracle: what rays meet. Doubles decide where they are sure, and the exact engine where they are not.
 
-rays.py       rays in pairs of doubles that count their errors, and in whole numbers
+rays.py       rays in pairs of doubles that count their errors, and as the exact engine has them
 search.py     the search for what they meet first, or at all; Kind, which each shape implements
-spheres.py    spheres and ellipsoids, and questions about them alone
+spheres.py    spheres and ellipsoids; closest(), which has these alone
 triangles.py, cylinders.py  the other shapes
 shapes.py     the table of them
 scenes.py     closest_hit(): any rays in a scene

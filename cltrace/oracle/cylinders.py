@@ -19,8 +19,8 @@ import numpy as np
 from cltrace.base.arithmetic import Floats, Triple, cross, dot, minus, two_sum
 from cltrace.exact.fine import Fine, select
 from cltrace.exact.shapes import ExactCylinder
-from cltrace.oracle.rays import Ids, Rays, Rough, moderate, rounded
-from cltrace.oracle.search import Bools, Hits, Kind
+from cltrace.oracle.rays import Ids, Rays, Rough, moderate
+from cltrace.oracle.search import Bools, Hits, Kind, near_balls
 from cltrace.scene import Scene
 
 # Up to what the filter takes numbers, see moderate(): products of ten of its numbers stay within the range of double.
@@ -48,19 +48,7 @@ class Cylinders(Kind):
         return moderate(np.concatenate([self.starts, self.ends, self.radii[:, None]], axis=1), MOST)
 
     def near(self, rays: Rays) -> tuple[Ids, Ids]:
-        """Those that the ball around their middle does not rule out, with bounds as of spheres."""
-        assert rays.rough is not None
-        rough, m = rays.rough, len(self.radii)
-        middle, outer = self.balls
-        w, length = rounded(rough.way).T[:, :, None], rough.length[:, None]
-        x, y, z = ((middle[:, i] - rough.anchor[:, i, None]) - rough.step[i].h[:, None] for i in range(3))
-        u, v, s = y * w[2] - z * w[1], z * w[0] - x * w[2], x * w[1] - y * w[0]
-        size = (np.abs(x) + np.abs(y) + np.abs(z)) + rough.reach[:, None]
-        room = outer * (np.sqrt(dot(w, w)) + 2.0**-49 * length) + 2.0**-46 * (size + 1e-3 * outer) * length
-        beside = (u * u + v * v + s * s > room * room) | (x * w[0] + y * w[1] + z * w[2] < -room)
-        fit = rough.fits(MOST)
-        ray, item = np.nonzero(~(beside & fit[:, None] & self.moderate[None]))
-        return (ray, item) if m else (np.empty(0, np.int64), np.empty(0, np.int64))
+        return near_balls(rays, *self.balls, self.moderate, MOST)
 
     @property
     def balls(self) -> tuple[Floats, Floats]:

@@ -34,18 +34,32 @@ def closest_hit(
     t_min: float | Floats = 0.0,
     t_max: float | Floats = np.inf,
 ) -> Answer:
-    """What rays meet first, at t_min < t < t_max.
+    """Find the first surface that each ray meets, exactly.
 
-    origins, directions: (n, 3), or (3,) for one of them, scene units, in the world; finite; t_min, t_max: (n,), or one
-    number for all. Touching
-    counts, and an edge belongs to one of its triangles: the one that the ray turned by e, e^2 and e^3
-    along x, y and z meets for small e > 0. Of equally near surfaces, the lowest number is met, and in a mesh the lowest
+    Touching counts, and an edge belongs to one of its triangles: the one that the ray turned by e, e^2 and e^3 along x,
+    y and z meets for small e > 0. Of equally near surfaces, the lowest number is met, and in a mesh the lowest
     triangle; of triangles in different planes, the one that the turned ray meets first.
 
-    Every ray tries every surface: less than 1 us for each, and some 100 us where whole numbers decide. Raises
-    ValueError, which names the argument, where it is not of its shape or not finite, or a direction is 0.
+    Every ray tries every surface: less than 1 us for each, and some 100 us where the exact engine decides. A scene with
+    clipping planes is left to the reference tracer, which takes milliseconds for each ray.
 
-    A scene with clipping planes is left to the reference tracer, which takes milliseconds for each ray.
+    Parameters
+    ----------
+    scene : Scene
+    origins, directions : array_like, shape (n, 3) or (3,)
+        In the world, scene units; finite. Directions need not be normalized; `t` is in multiples of their length.
+    t_min, t_max : float or ndarray, shape (n,)
+        Only hits with ``t_min < t < t_max`` count.
+
+    Returns
+    -------
+    Answer
+        Arrays `id`, `primitive` and `t`.
+
+    Raises
+    ------
+    ValueError
+        If an array has another shape or is not finite, or a direction is 0. The message names the argument.
     """
     o, d = rays_of(origins, directions)
     if len(scene.planes):

@@ -14,10 +14,10 @@ from typing import NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.base.arithmetic import Floats
+from cltrace.base.arithmetic import Floats, dot
 from cltrace.exact.fine import Fine
 from cltrace.exact.lines import ExactPoint, Line, Root
-from cltrace.oracle.rays import Ids, Points, Rays
+from cltrace.oracle.rays import Ids, Points, Rays, rounded
 from cltrace.scene import Scene
 
 Bools = NDArray[np.bool_]
@@ -71,6 +71,26 @@ class Kind(ABC):
     @abstractmethod
     def solid(self, item: int) -> Solid:
         """One of them, exactly."""
+
+
+def near_balls(rays: Rays, centers: Floats, radii: Floats, known: Bools, most: float) -> tuple[Ids, Ids]:
+    """Rays and balls, (k,) rows each: all pairs that may meet. known: (m,), which balls doubles may rule out.
+
+    With f from the start to a centre, R its radius and u = 2^-53, a ray along w passes by where |f x w| > R |w|, and
+    leads away where f.w < -R |w|. f = (C - anchor) - step is off by 2^-49 reach and 3 u (|f|_1 + reach), and w by 2^-50
+    of its length. So f x w and f.w are off by less than 2^-47 s length for s = |f|_1 + reach, and |w| by 2^-50 length.
+    Twice that covers the roundings beside these, and the rounding of a centre that is the middle of two points.
+    """
+    assert rays.rough is not None
+    rough = rays.rough
+    w, length = rounded(rough.way).T[:, :, None], rough.length[:, None]
+    x, y, z = ((centers[:, i] - rough.anchor[:, i, None]) - rough.step[i].h[:, None] for i in range(3))
+    u, v, s = y * w[2] - z * w[1], z * w[0] - x * w[2], x * w[1] - y * w[0]
+    size = (np.abs(x) + np.abs(y) + np.abs(z)) + rough.reach[:, None]
+    room = radii * (np.sqrt(dot(w, w)) + 2.0**-49 * length) + 2.0**-46 * (size + 1e-3 * radii) * length
+    beside = (u * u + v * v + s * s > room * room) | (x * w[0] + y * w[1] + z * w[2] < -room)
+    ray, item = np.nonzero(~(beside & rough.fits(most)[:, None] & known))
+    return ray, item
 
 
 class Kinds:

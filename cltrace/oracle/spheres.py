@@ -27,8 +27,8 @@ from cltrace.base.arithmetic import Floats, dot, minus, product, two_sum
 from cltrace.exact.fine import Fine, FineVector, fine_vector, select
 from cltrace.exact.lines import ExactPoint, Frame
 from cltrace.exact.shapes import ExactSphere
-from cltrace.oracle.rays import Ids, Points, Rays, Rough, along, at_point, moderate, rounded, turned
-from cltrace.oracle.search import Bools, Hits, Kind, Kinds
+from cltrace.oracle.rays import Ids, Points, Rays, Rough, along, at_point, moderate, turned
+from cltrace.oracle.search import Bools, Hits, Kind, Kinds, near_balls
 from cltrace.scene import Scene
 from cltrace.scene.rules import numbers
 
@@ -142,20 +142,8 @@ class Spheres(Kind):
         return moderate(self._numbers, MOST)
 
     def near(self, rays: Rays) -> tuple[Ids, Ids]:
-        """With f from the start to a centre, R its reach and u = 2^-53, a ray along w passes by where |f x w| > R |w|,
-        and leads away where f.w < -R |w|. f = (C - anchor) - step is off by 2^-49 reach and 3 u (|f|_1 + reach), and w
-        by 2^-50 of its length. So f x w and f.w are off by less than 2^-47 s length for s = |f|_1 + reach, and |w| by
-        2^-50 length. Twice that covers the roundings beside these.
-        """
-        assert rays.rough is not None
-        rough, first = rays.rough, np.flatnonzero(self._same == np.arange(len(self.radii)))
-        w, length = rounded(rough.way).T[:, :, None], rough.length[:, None]
-        x, y, z = ((self.centers[first, i] - rough.anchor[:, i, None]) - rough.step[i].h[:, None] for i in range(3))
-        u, v, s = y * w[2] - z * w[1], z * w[0] - x * w[2], x * w[1] - y * w[0]
-        size = (np.abs(x) + np.abs(y) + np.abs(z)) + rough.reach[:, None]
-        room = self._outer[first] * (np.sqrt(dot(w, w)) + 2.0**-49 * length) + 2.0**-46 * size * length
-        beside = (u * u + v * v + s * s > room * room) | (x * w[0] + y * w[1] + z * w[2] < -room)
-        ray, item = np.nonzero(~(beside & rough.fits(MOST)[:, None] & self.moderate[first]))
+        first = np.flatnonzero(self._same == np.arange(len(self.radii)))
+        ray, item = near_balls(rays, self.centers[first], self._outer[first], self.moderate[first], MOST)
         return ray, first[item]
 
     def hits(self, rays: Rays, ray: Ids, item: Ids) -> Hits:

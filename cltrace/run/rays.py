@@ -155,6 +155,6 @@ class RayTracer:
 def _sizes(shapes: tuple[Any, ...]) -> Array:
     """Radii and lengths of all surfaces but triangles, whose bounds hold at any size."""
     spheres, rods = shapes[0], shapes[1]
-    axes = np.abs(rods.end - rods.start).max(axis=1, initial=0)[: rods.uncut]
+    axes = np.abs(rods.end - rods.start).max(axis=1, initial=0)
     maps = np.array([spheres.maps.longest, 1 / spheres.maps.shortest]) if spheres.maps else np.ones(1)
     return np.concatenate([spheres.radius, rods.radius, axes, np.ravel(maps)])
