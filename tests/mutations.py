@@ -231,7 +231,12 @@ MUTATIONS = [
         "tests/plan/test_lists.py",
     ),
     Mutation("exact[2] < exact_r * (1 + SLACK)", "exact[2] < 0", "spheres beside the eye", "tests/plan/test_lists.py"),
-    Mutation("+ roomy[near] < inner", "- roomy[near] < inner", "spheres inside others", "tests/plan/test_culling.py"),
+    Mutation(
+        "np.where(number[i] < number[j], j, i)",
+        "np.where(number[i] < number[j], i, j)",
+        "of equal spheres the last one shows",
+        "tests/plan/test_culling.py",
+    ),
     Mutation(
         '"WITH_SHADOWS": lit and (surfaces > 1 or',
         '"WITH_SHADOWS": lit and (surfaces > 2 or',

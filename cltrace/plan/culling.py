@@ -1,4 +1,4 @@
-"""Which surfaces cannot matter: what is there twice, spheres inside others, and spheres that can shadow nothing.
+"""Which surfaces cannot matter: what is there twice, and spheres that can shadow nothing.
 
 All tests but for equality are made with spheres that are larger by more than any rounding, here or in the kernel, can
 amount to. So a surface is left out only if no ray could ever tell, and no picture changes. (In single some extreme
@@ -14,10 +14,6 @@ from cltrace.base.arrays import blockwise
 from cltrace.plan.accel.silhouettes import Discs
 from cltrace.plan.rounding import Array, Mask, squared_length
 
-# How many spheres, the largest ones, are looked into for others inside of them.
-SHELLS = 8
-# How many spheres tell about how large those are.
-SAMPLE = 2**14
 # Of meshes with so many triangles, those at one corner in SOME are looked into first: see repeated_faces().
 MANY, SOME = 2**15, 64
 # An odd number without a pattern, for marks.
@@ -31,38 +27,6 @@ def larger(radius: Array, slack: float) -> Array:
     length, moves the silhouette of a sphere of radius r by less than 16 slack / r.
     """
     return radius + 16 * slack * (1 + 1 / radius)
-
-
-def shells(radius: Array) -> NDArray[np.intp]:
-    """Which spheres are the SHELLS largest ones. A factor that all radii (n,) have changes nothing."""
-    if len(radius) <= SHELLS:
-        return np.arange(len(radius))
-    step = max(1, len(radius) // SAMPLE)
-    some = radius[::step]
-    # Of the largest ones of all, none is smaller than the smallest one of the largest ones of some.
-    least = np.partition(some, -SHELLS)[-SHELLS]
-    above = np.flatnonzero(radius > least)
-    if len(above) < SHELLS:
-        return np.concatenate([above, step * np.flatnonzero(some == least)])[:SHELLS]
-    return above[np.argpartition(-radius[above], SHELLS - 1)[:SHELLS]]
-
-
-def hidden(center: Array, radius: Array, outside: Mask, slack: float) -> Mask:
-    """Which spheres lie inside a larger one, one of the SHELLS largest, that has the eye and all lights outside of it.
-
-    All spheres are opaque, so eye and lights see the larger sphere in place of what is inside of it. center: (n, 3), no
-    two further apart than 4; outside: (n,), whether the eye and all lights are outside of this sphere; slack: as in
-    larger().
-    """
-    out = np.zeros(len(radius), bool)
-    roomy = larger(radius, slack)
-    least = radius.min(initial=np.inf)
-    for shell in shells(radius):
-        inner = 2 * radius[shell] - roomy[shell]
-        if outside[shell] and inner > least:
-            near = np.flatnonzero(np.abs(center[:, 0] - center[shell, 0]) < inner)
-            out[near] |= np.sqrt(squared_length(center[near] - center[shell])) + roomy[near] < inner
-    return out
 
 
 def repeated(center: Array, radius: Array, shape: NDArray[np.int32], number: NDArray[np.int32], by_place: bool) -> Mask:

@@ -48,12 +48,11 @@ class Grids:
     def made(self, window: PictureWindow) -> Iterator[CellGrid]:
         """The grid of the tiles, then those of all light buffers. window: the picture's."""
         if "hidden" not in self._request.keep and not self._world.clipping:
-            for i, (first, shape) in enumerate(self._world.placed):
+            for i, shape in enumerate(self._world.shapes):
                 visible, count = self._sights[i].visible, len(shape.number)
-                if visible and count > 1:
-                    self._visible[i] = visible(self._slack, self._world.opaque[first : first + count])
-                    unseen = count - int(self._visible[i].sum())
-                    self.skipped[f"{shape.words} inside others, or the same"] = unseen
+                if visible is not None and count > 1:
+                    self._visible[i] = visible
+                    self.skipped[f"{shape.words} equal to others"] = count - int(visible.sum())
         yield from self._tiles(window)
         yield from self._of_lights()
 

@@ -66,7 +66,7 @@ class Request:
         filter: every sphere of a list is decided in full, without a float32 test before that
         features: the kernel has the code of every feature
         lights: lights that are black, or that shine on nothing that reflects
-        hidden: spheres inside others, and what is there twice
+        hidden: what is there twice
         receivers: in the lists of a light, spheres that shadow nothing in the picture
         unstopped: where spheres are few, shadow rays that none of them can stop; and where meshes are drawn often,
             those from triangles on which no shadow falls

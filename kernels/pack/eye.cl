@@ -61,23 +61,6 @@ INLINE MASK is_first(__global const char *again, const int n, const int i) {
     return LOAD_LANES(lane) == 0;
 }
 
-/* Which spheres may be seen at all: those that are not inside of another one. shell: centres of large spheres, and by
- * how much others must be inside; place: in the world, and the radius, in the float buffers' unit. */
-INLINE MASK is_outside(const Real3 place, const REAL r, const double slack, const int shells,
-                       __global const double4 *restrict shell) {
-    MASK outside = TO_MASK(r == r);
-    const REAL roomy = r + (16 * slack) * (1 + 1 / r);
-    for (int k = 0; k < shells; k++) {
-        const double4 outer = shell[k];
-        const REAL X = place.x - outer.x;
-        /* The root below is no less than this but for a rounding, and `roomy` is more than that. */
-        if (!ANY(TO_MASK(fabs(X) < outer.w))) continue;
-        const REAL Y = place.y - outer.y, Z = place.z - outer.z;
-        outside &= TO_MASK(sqrt((X * X + Y * Y) + Z * Z) + roomy >= outer.w);
-    }
-    return outside;
-}
-
 INLINE FLOAT clipped(const FLOAT x, const int low, const int high) {
     const FLOAT above = x < (FLOAT)low ? (FLOAT)low : x;
     return above > (FLOAT)high ? (FLOAT)high : above;
@@ -142,15 +125,14 @@ INLINE Ends with_sphere(const Ends so_far, const FromEye s, const int along) {
 }
 
 /* unit, eye, right, up, back: of Eye; some_again, again: whether spheres are equal to one before them, which is not
- * seen; shells, shell, slack: see is_outside(); x_axis, y_axis, x_range, y_range: see pixels_of(); shift: a cell has
+ * seen; x_axis, y_axis, x_range, y_range: see pixels_of(); shift: a cell has
  * 2^shift pixels a side; along: whether rays are parallel; keep_seen: whether to write the first three columns of
  * `seen`; part: NOTES for each work-item. */
 __kernel void see_from_eye(const int n, const int pitch, const double unit, const double4 eye, const double4 right,
-                           const double4 up, const double4 back, const double slack, const int shells,
-                           const int some_again, const double4 x_axis, const double4 y_axis, const int2 x_range,
-                           const int2 y_range, const int shift, const int along, const int keep_seen,
-                           __global const double *restrict center, __global const double *restrict radius,
-                           __global const double4 *restrict shell, __global const char *restrict again,
+                           const double4 up, const double4 back, const int some_again, const double4 x_axis,
+                           const double4 y_axis, const int2 x_range, const int2 y_range, const int shift,
+                           const int along, const int keep_seen, __global const double *restrict center,
+                           __global const double *restrict radius, __global const char *restrict again,
                            __global out4 *restrict center_radius, __global out2 *restrict power,
                            __global double4 *restrict world, __global float4 *restrict eye_filter,
                            __global double *restrict seen, __global char *restrict flags,
@@ -161,7 +143,7 @@ __kernel void see_from_eye(const int n, const int pitch, const double unit, cons
     Ends ends = {0, 1};
     LONG there = 0, members = 0, entries = 0;
     FOR_EACH_PACKET(i, n) {
-        const Real3 place = point_of(center, n, i), small = {place.x * unit, place.y * unit, place.z * unit};
+        const Real3 place = point_of(center, n, i);
         const FromEye s = from_eye(from, place, column(radius, n, i));
         note_unsure(unsure, i, n, s.excess.lo);
         ends = with_sphere(ends, s, along);
@@ -173,7 +155,6 @@ __kernel void see_from_eye(const int n, const int pitch, const double unit, cons
         }
         MASK visible = LANE < n - i;
         if (some_again) visible &= is_first(again, n, i);
-        if (shells) visible &= is_outside(small, s.r, slack, shells, shell);
         store_flags(visible ? (INT)VISIBLE : (INT)0, flags + i);
         there += TO_LONG(visible ? (INT)1 : (INT)0);
 

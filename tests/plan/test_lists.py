@@ -73,7 +73,7 @@ def device_plan(device: Device) -> PlanOf:
 
 @pytest.fixture(params=["numpy", "device"])
 def plan_of(request: pytest.FixtureRequest) -> PlanOf:
-    """How a plan is made. A device leaves out spheres inside others, and lights never know where shadows are seen."""
+    """How a plan is made. A device leaves out equal spheres, and lights never know where shadows are seen."""
     if request.param == "numpy":
         return Plan.of_scene
     request.getfixturevalue("even_few_are_packed")

@@ -4,7 +4,7 @@ alone."""
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any, ClassVar, NamedTuple, Self
@@ -31,7 +31,7 @@ class Sights(NamedTuple):
     """The surfaces of one shape as the eye and the lights see them, in the float buffers' unit.
 
     arrays, lit: the kernel's buffers by name, lit those that have rows for each light in turn; eye, lights: from there;
-    visible: of a slack, see Shadows, and of a mask of those that are opaque, which of them rays can meet, None for all;
+    visible: (n,), which of them rays can meet, None for all;
     inside: (n,), which of them have the eye inside or on them.
     """
 
@@ -39,7 +39,7 @@ class Sights(NamedTuple):
     lit: Arrays
     eye: Silhouettes
     lights: list[Silhouettes]
-    visible: Callable[[float, Mask], Mask] | None
+    visible: Mask | None
     inside: Mask
 
 

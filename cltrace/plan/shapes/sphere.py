@@ -19,7 +19,7 @@ from cltrace.base.arithmetic import inverses, two_sum, whole_inverse
 from cltrace.plan.abi import CONSTANTS, dtype_of, real_dtype
 from cltrace.plan.accel.silhouettes import FINE_SLACK, Discs, Silhouettes
 from cltrace.plan.accel.tree import Paths
-from cltrace.plan.culling import hidden, repeated
+from cltrace.plan.culling import repeated
 from cltrace.plan.lights import AtPoint, Lamp, Parallel
 from cltrace.plan.order import MANY, gathered, spatial_order, step
 from cltrace.plan.request import Request
@@ -325,13 +325,7 @@ class SpheresInView(InView):
         arrays = self._from_eye(small, k, real_dtype(request.precision))
         lit: Arrays = {"light_filter": filters.reshape(-1, 4), "light_side": sides.reshape(-1)}
 
-        def visible(slack: float, opaque: Mask) -> Mask:
-            outside = (eye.power > 0) & np.all(sides > 0, axis=0) & opaque
-            if self.spheres.maps:
-                outside &= self.spheres.maps.of_sphere == 0
-            return np.asarray(~(self.spheres.again | hidden(small.place, small.radius, outside, slack)))
-
-        return Sights(arrays, eye=eye, lights=seen, visible=visible, inside=eye.power <= 0, lit=lit)
+        return Sights(arrays, eye=eye, lights=seen, visible=~self.spheres.again, inside=eye.power <= 0, lit=lit)
 
     def from_point(
         self, light: AtPoint, small: CameraSpace, unit: float, filter_: Any, side: NDArray[np.int8]

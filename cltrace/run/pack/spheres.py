@@ -32,7 +32,6 @@ from cltrace.plan.accel.grids import (
     window_of,
 )
 from cltrace.plan.accel.silhouettes import FINE_SLACK, SLACK
-from cltrace.plan.culling import larger, shells
 from cltrace.plan.lights import AtPoint, Move, Parallel, are_at_points, kinds, lamps_of
 from cltrace.plan.lists import ONE_LIST
 from cltrace.plan.request import Request
@@ -92,7 +91,7 @@ class SpherePacker:
         self.center, self.radius = self.tools.share(spheres.center), self.tools.share(spheres.radius)
         self.some_again = bool(spheres.again.any())
         self.again = self.tools.share(spheres.again) if self.some_again else self.tools.room(1, np.bool_)
-        self.shells, self.least = shells(spheres.radius), float(spheres.radius.min())
+        self.largest = float(spheres.radius.max())
         self.lamps: _Lamps | None = None
         self._device, self._lock = device, threading.Lock()
 
@@ -160,7 +159,7 @@ class _SeenSpheres:
         view = CameraView.without_lists(world, self.camera, packer.request, self.k)
         self.lights = lamps_of(world.lights, view.arrays["light"], self.basis)
         skipped, start = dict(view.skipped), time.perf_counter()
-        skipped["spheres inside others, or the same"] = self.n - there
+        skipped["spheres equal to others"] = self.n - there
         self.light = view.arrays["light"]
         light_buffer, writer = self._lists(skipped)
         lists, grid = writer.done()
@@ -231,15 +230,13 @@ class _SeenSpheres:
     def _largest_of_some(self) -> float:
         """About the largest coordinate or radius of some spheres in camera space, in scene units."""
         center = self.spheres.center[self.some] - np.array(self.camera.position)
-        radius = self.spheres.radius[self.packer.shells]
-        return max(float(np.abs(center @ self.basis.T).max()), float(radius.max()))
+        return max(float(np.abs(center @ self.basis.T).max()), self.packer.largest)
 
     def _see_all(self) -> NDArray[np.float64]:
         """Makes what the eye sees if k is what it is, and returns NOTES of kernels/pack/eye.cl."""
-        tools, covers, shell = self.tools, self.covers, self._shell()
+        tools, covers = self.tools, self.covers
         tools.clear(self.unsure, 1)
-        arguments: Arguments = {"pitch": self.pitch, "slack": self.slack, "shift": SHIFT, "keep_seen": self.any_along}
-        arguments |= {"shell": tools.upload(shell), "shells": len(shell)}
+        arguments: Arguments = {"pitch": self.pitch, "shift": SHIFT, "keep_seen": self.any_along}
         arguments |= {"again": self.packer.again, "some_again": self.packer.some_again}
         for name, axis in zip("xy", self.window.axes, strict=True):
             arguments[f"{name}_axis"] = (axis.scale, axis.begin, axis.end, 0)
@@ -250,23 +247,10 @@ class _SeenSpheres:
         covers.members, covers.entries = (int(total) for total in part[:, 3:5].sum(axis=0))
         return part
 
-    def _shell(self) -> Array:
-        """(s, 4): centres in the world of spheres that hide others inside, and how large these may be."""
-        rows = self.packer.shells
-        few = self._few(rows).times_two_to(self.k)
-        seen = few.seen_along_view() if self.camera.parallel else few.seen_from_eye()
-        outside = (seen.power > 0) & self.world.opaque[rows]
-        for place in self.world.lights["position"][are_at_points(kinds(self.world.lights))]:
-            outside &= few.seen_from(place * self.unit)[1] > 0
-        inner = 2 * few.radius - larger(few.radius, self.slack)
-        which = np.flatnonzero(outside & (inner > self.packer.least * self.unit))
-        self.shells = which.tolist()
-        return np.concatenate([few.place[which], inner[which, None]], axis=1)
-
     def _lists(self, skipped: dict[str, int]) -> tuple[NDArray[np.int32], ListWriter]:
         """The lists of the tiles and of all light buffers. Adds to `skipped` what is in none of them."""
         tools, lights, lamps = self.tools, self.world.lights, self.packer.lamps
-        m, key = len(lights), (self.k, self.shells, lights.tobytes())
+        m, key = len(lights), (self.k, lights.tobytes())
         # In float, axes that are turned are not those of lists any longer.
         keeps = self.keep and (self.real.itemsize == 8 or not self.any_along)
         known = lamps if keeps and lamps and lamps.key == key else None
