@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 import zlib
 from fractions import Fraction
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -19,28 +19,14 @@ SIGNATURE = b"\x89PNG\r\n\x1a\n"
 KINDS = {1: 0, 3: 2, 4: 6}  # the format's number for grey, RGB and RGBA, by channels
 # The format's numbers for the filters that subtract the pixel on the left, and the row above.
 SUB, UP = 1, 2
-# So many rows are filtered and compressed on their own, so that several processes can do it. Together they are the one
-# stream of zlib that the format wants: what it begins with, and the last block, in which nothing is, before its sum.
+# So many rows are filtered and compressed on their own. Together they are the one stream of zlib that the format wants:
+# what it begins with, and the last block, in which nothing is, before its sum.
 BAND = 16
 HEAD, LAST = b"\x78\x01", b"\x03\x00"
 # So many compressed bytes are in a chunk of the file.
 CHUNK = 2**20
-# The largest prime below 2^16, modulo which Adler-32 adds.
-ADLER = 65521
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
-
-
-class Packed(NamedTuple):
-    """Rows that are compressed. shape, dtype: of their pixels; data: blocks of deflate, which end with a whole byte;
-    size, adler: how many bytes were compressed, and their Adler-32.
-    """
-
-    shape: tuple[int, ...]
-    dtype: str
-    data: bytes
-    size: int
-    adler: int
 
 
 def write_png(file: BinaryIO, pixels: Pixels, text: dict[str, str] | None = None, dpi: float | None = None) -> None:
@@ -79,39 +65,37 @@ class Rows:
     def write(self, pixels: Pixels) -> None:
         """Some rows: a multiple of BAND, but for the last ones."""
         for i in range(0, len(pixels), BAND):
-            self.add(packed(pixels[i : i + BAND]))
-
-    def add(self, rows: Packed) -> None:
-        """Some rows, with the shape of the whole but for their number, a multiple of BAND but for the last ones."""
-        self._adler = _joined_sums(self._adler, rows.adler, rows.size)
-        self._ready += rows.data
-        while len(self._ready) >= CHUNK:
-            self._file.write(_chunk(b"IDAT", bytes(self._ready[:CHUNK])))
-            del self._ready[:CHUNK]
+            data, self._adler = _compressed(pixels[i : i + BAND], self._adler)
+            self._ready += data
+            while len(self._ready) >= CHUNK:
+                self._file.write(_chunk(b"IDAT", bytes(self._ready[:CHUNK])))
+                del self._ready[:CHUNK]
 
     def close(self) -> None:
         self._ready += LAST + struct.pack(">I", self._adler)
         self._file.write(_chunk(b"IDAT", bytes(self._ready)) + _chunk(b"IEND"))
 
 
-def packed(pixels: Pixels) -> Packed:
-    """Rows of a picture, of which the first is a multiple of BAND."""
+def stream_of(pixels: Pixels) -> bytes:
+    """What is in the IDAT of a PNG, in one piece."""
+    data, adler = _compressed(pixels, 1)
+    return HEAD + data + LAST + struct.pack(">I", adler)
+
+
+def _compressed(pixels: Pixels, adler: int) -> tuple[bytes, int]:
+    """Blocks of deflate, which end with a whole byte, of rows of which the first is a multiple of BAND.
+
+    adler: the Adler-32 of what was compressed before them; the second answer is that of all with these rows.
+    """
     big = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder(">"))
     rows = big.view(np.uint8).reshape(len(pixels), -1)
-    pixel = rows.shape[1] // pixels.shape[1]
-    data, size, adler = [], 0, 1
+    pixel, data = rows.shape[1] // pixels.shape[1], []
     for i in range(0, len(rows), BAND):
         filtered = _filtered(rows[i : i + BAND], pixel).data
         compress = zlib.compressobj(1, zlib.DEFLATED, -zlib.MAX_WBITS, 9, zlib.Z_RLE)
         data += [compress.compress(filtered), compress.flush(zlib.Z_SYNC_FLUSH)]
-        size, adler = size + filtered.nbytes, zlib.adler32(filtered, adler)
-    return Packed(pixels.shape, pixels.dtype.str, b"".join(data), size=size, adler=adler)
-
-
-def stream_of(pixels: Pixels) -> bytes:
-    """What is in the IDAT of a PNG, in one piece."""
-    rows = packed(pixels)
-    return HEAD + rows.data + LAST + struct.pack(">I", rows.adler)
+        adler = zlib.adler32(filtered, adler)
+    return b"".join(data), adler
 
 
 def _filtered(rows: NDArray[np.uint8], pixel: int) -> NDArray[np.uint8]:
@@ -125,17 +109,6 @@ def _filtered(rows: NDArray[np.uint8], pixel: int) -> NDArray[np.uint8]:
     np.subtract(rows[0, pixel:], rows[0, :-pixel], out=out[0, 1 + pixel :])
     np.subtract(rows[1:], rows[:-1], out=out[1:, 1:])
     return out
-
-
-def _joined_sums(one: int, other: int, size: int) -> int:
-    """The Adler-32 of bytes that follow others. one: of those before; other: of the `size` bytes that follow.
-
-    Its low half is a = 1 + the sum of the bytes, its high half b the sum of a after each byte, both modulo ADLER. The
-    second part's own b began with a = 1; with a1 instead, each of its `size` terms is a1 - 1 larger.
-    """
-    a, b = one & 0xFFFF, one >> 16
-    high = (b + (other >> 16) + size * (a - 1)) % ADLER
-    return high << 16 | (a + (other & 0xFFFF) - 1) % ADLER
 
 
 def text_of(file: BinaryIO, name: str) -> str | None:

@@ -39,7 +39,7 @@ def test_rows_may_come_in_any_pieces() -> None:
     file = io.BytesIO()
     rows = png.Rows(file, pixels.shape, pixels.dtype)
     for begin, end in pairwise(cuts):
-        rows.add(png.packed(pixels[begin:end]))
+        rows.write(pixels[begin:end])
     rows.close()
     assert file.getvalue() == whole
     assert whole.count(b"IDAT") > 1
