@@ -164,17 +164,23 @@ def _not_empty(arrays: Arrays) -> Arrays:
 
 @dataclass(frozen=True)
 class KeptLights:
-    """What the first lights of a world see, parallel ones, which cameras have in common.
+    """What some lights of a world see, which cameras that agree in `key` have in common.
 
-    camera, light: that of which it was made, and their records; lit: of Sights; grids: how many they have;
-    light_buffer: abi's, which counts these from 0.
+    camera, light: that of which it was made, and the lights' records; light_buffer: abi's, which counts these lights'
+    grids from 0; grids: of the lights in turn; listed, lists: where their lists are on a device; lit, buffers: what has
+    rows for each light, of Sights, and on the device; idle: how many surfaces are in none of the lists, in all.
     """
 
+    key: tuple[Any, ...]
     camera: AnyCamera
     light: NDArray[np.void]
-    lit: Arrays
-    grids: int
     light_buffer: NDArray[np.int32]
+    grids: list[CellGrid]
+    listed: list[Any]
+    lists: Any
+    lit: Arrays
+    buffers: dict[str, Any]
+    idle: int = 0
 
     def before(self, arrays: Arrays, light: NDArray[np.void], move: Move) -> Arrays:
         """A view's arrays with the rows of these lights, to which `arrays` has those of the others.
@@ -182,7 +188,7 @@ class KeptLights:
         light: the records of all of the view's lights; move: to its camera.
         """
         rows = {name: np.concatenate([a, arrays[name]]) for name, a in self.lit.items() if name in arrays}
-        further = np.array([len(arrays["grid"]) - self.grids, 0, 0, 0], np.int32)
+        further = np.array([len(arrays["grid"]) - len(self.grids), 0, 0, 0], np.int32)
         rows["light_buffer"] = np.concatenate([self.light_buffer + further, arrays["light_buffer"]])
         return rows | {"light": move.lights(light, self.light)}
 

@@ -28,7 +28,7 @@ from cltrace.plan.shapes.shape import Arrays, InView, ShapePacking, Sights
 from cltrace.plan.view import CameraView, KeptLights, Methods
 from cltrace.plan.world import ScenePacking
 from cltrace.run.devices import Device, driver_errors
-from cltrace.run.pack.lists import ListBuffers, Listed, ListWriter
+from cltrace.run.pack.lists import ListBuffers, ListWriter
 from cltrace.run.pack.polygons import PolygonSight
 from cltrace.run.pack.toolbox import Arguments, Toolbox, is_exact, kernel_of
 from cltrace.scene import AnyCamera
@@ -54,7 +54,7 @@ class MeshPacker:
         self.triangles, self.request, self._device = world.of_shape(MeshPacking).triangles, request, device
         self.tools = Toolbox(device, request.precision, before)
         self.face, self._lock = self.tools.share(self.triangles.face), threading.Lock()
-        self.kept: _Kept | None = None
+        self.kept: KeptLights | None = None
         self.latest: tuple[Any, ...] = ()
 
     @classmethod
@@ -83,23 +83,6 @@ class MeshPacker:
             return view, seen.made
 
 
-@dataclass(frozen=True)
-class _Kept:
-    """What the parallel lights of a world see, which cameras have in common.
-
-    of: whose, see _SeenMeshes; unit: 2^k of Known; known: that; facets: a buffer of light_facet that begins with
-    theirs, None for none; grids: theirs, without members; listed, lists: where their lists are.
-    """
-
-    of: tuple[Any, ...]
-    unit: float
-    known: KeptLights
-    facets: Any
-    grids: list[CellGrid]
-    listed: list[Listed]
-    lists: ListBuffers
-
-
 class _SeenMeshes:
     """A world as one camera of a MeshPacker sees it.
 
@@ -112,7 +95,7 @@ class _SeenMeshes:
         self.packer, self.world, self.camera, self.request = packer, world, camera, packer.request
         self.made: dict[str, Any] = {}
         self.grids: list[CellGrid] = []
-        self.kept: _Kept | None = None
+        self.kept: KeptLights | None = None
         self.of = (*world.shapes, world.lights.tobytes(), camera.parallel)
         # In float, axes that are turned are not those of lists any longer.
         keep = keep and packer.request.precision != "single" and packer.latest == self.of
@@ -129,8 +112,9 @@ class _SeenMeshes:
     def known(self, k: int) -> KeptLights | None:
         """See Methods."""
         kept = self.packer.kept
-        self.kept = kept if self.count and kept and (kept.of, kept.unit) == (self.of, 2.0**k) else None
-        return self.kept.known if self.kept else None
+        self.unit, self.key = 2.0**k, (*self.of, k)
+        self.kept = kept if self.count and kept and kept.key == self.key else None
+        return self.kept
 
     def build(self, grids: Iterator[CellGrid]) -> Arrays:
         """Makes the lists of grids, which are in `made` then, and returns the records."""
@@ -142,14 +126,14 @@ class _SeenMeshes:
             self.grids.append(grid.without_members())
             del grid  # The next one has room in its place.
         if kept:
-            move = Move.of(kept.known.camera, self.camera, kept.unit)
+            move = Move.of(kept.camera, self.camera, self.unit)
             for grid, listed in zip(kept.grids, kept.listed, strict=True):
                 writer.add_again(move.grid(grid), listed)
         lists, records = writer.done(common=kept is None)
         self.made |= lists
         return {"grid": records}
 
-    def to_keep(self, view: CameraView) -> _Kept | None:
+    def to_keep(self, view: CameraView) -> KeptLights | None:
         """What further cameras may use."""
         if self.kept:
             return replace(self.kept, lists=self.writer.lists)
@@ -157,12 +141,13 @@ class _SeenMeshes:
         if not count:
             return None
         buffer = arrays["light_buffer"][:count] - np.array([1, 0, 0, 0], np.int32)
-        number = int(buffer[:, 1].sum())
         lit = {name: arrays[name][: len(arrays[name]) // m * count] for name in view.lit}
-        known = KeptLights(self.camera, arrays["light"][:count], lit, number, buffer)
-        own, listed = self.grids[1 : 1 + number], self.writer.listed[1 : 1 + number]
-        unit, facets = view.values["unit"], self.made.get("light_facet")
-        return _Kept(self.of, unit, known, facets, grids=own, listed=listed, lists=self.writer.lists)
+        own = slice(1, 1 + int(buffer[:, 1].sum()))
+        made = {name: self.made[name] for name in ("light_facet",) if name in self.made}
+        return KeptLights(
+            self.key, self.camera, arrays["light"][:count], buffer, self.grids[own], self.writer.listed[own],
+            self.writer.lists, lit, made,
+        )  # fmt: skip
 
 
 @dataclass
@@ -191,11 +176,11 @@ class _OnDevice(MeshesInView):
         if lights:
             self.made["light_facet"] = tools.room(12 * m * (first + lights), np.float32, again=True)
         elif kept:
-            self.made["light_facet"] = kept.facets
+            self.made["light_facet"] = kept.buffers["light_facet"]
         else:
             self.lit["light_facet"] = np.zeros((0, 4), np.float32)
         if kept and lights:
-            tools.copy(kept.facets, self.made["light_facet"], 0, 48 * m * first)
+            tools.copy(kept.buffers["light_facet"], self.made["light_facet"], 0, 48 * m * first)
         return [0, *range(m * first, m * (first + lights), m)]
 
     def from_eye(self, k: int, out: Any) -> Polygons:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -37,10 +37,10 @@ from cltrace.plan.lists import ONE_LIST
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array, rotated
 from cltrace.plan.shapes.sphere import CameraSpace, SpherePacking
-from cltrace.plan.view import CameraView, exponent_of
+from cltrace.plan.view import CameraView, KeptLights, exponent_of
 from cltrace.plan.world import ScenePacking
 from cltrace.run.devices import Device, driver_errors
-from cltrace.run.pack.lists import Covers, ListBuffers, Listed, ListWriter
+from cltrace.run.pack.lists import Covers, ListBuffers, ListWriter
 from cltrace.run.pack.toolbox import PACKET, Arguments, Toolbox, is_exact
 from cltrace.scene import AnyCamera
 
@@ -57,27 +57,6 @@ ENTRIES, FINER_ENTRIES, LAYERS = 2.25, 4.0, 32
 OTHERS = {"lists", "hidden", "unstopped"}
 
 
-@dataclass(frozen=True)
-class _Lamps:
-    """What lights see, which cameras that agree in `key` have in common.
-
-    camera, light: that of which it was made, and its records; filters, sides: light_filter of one of them, and
-    light_side; light_buffer: (m, 4), its array; grids: of all lights in turn, along the world's axes, of parallel ones
-    along those of `camera`; listed, lists: where their lists are; idle: how many spheres are in none, in all.
-    """
-
-    key: tuple[Any, ...]
-    camera: AnyCamera
-    light: NDArray[np.void]
-    filters: Any
-    sides: Any
-    light_buffer: NDArray[np.int32]
-    grids: list[CellGrid]
-    listed: list[Listed]
-    lists: ListBuffers | None
-    idle: int
-
-
 class SpherePacker:
     """A world's spheres on a device, for CameraViews of any camera.
 
@@ -92,7 +71,7 @@ class SpherePacker:
         self.some_again = bool(spheres.again.any())
         self.again = self.tools.share(spheres.again) if self.some_again else self.tools.room(1, np.bool_)
         self.largest = float(spheres.radius.max())
-        self.lamps: _Lamps | None = None
+        self.lamps: KeptLights | None = None
         self._device, self._lock = device, threading.Lock()
 
     @classmethod
@@ -141,7 +120,7 @@ class _SeenSpheres:
         self.slack = SLACK if packer.request.precision == "single" else FINE_SLACK
         self.real = np.dtype("f4" if packer.request.precision == "single" else "f8")
         self.made: dict[str, Any] = {}
-        self.lamps: _Lamps | None = None
+        self.lamps: KeptLights | None = None
         self.grids: list[CellGrid] = []
         self.any_along = not are_at_points(kinds(world.lights)).all()
         self.unsure = self.tools.room(1 + self.n, np.int32)  # Of which nearly nothing is used.
@@ -164,8 +143,8 @@ class _SeenSpheres:
         light_buffer, writer = self._lists(skipped)
         lists, grid = writer.done()
         if self.lamps:
-            filters, listed = self.made["light_filter"], writer.listed[1:]
-            packer.lamps = replace(self.lamps, filters=filters, listed=listed, lists=writer.lists)
+            buffers = self.lamps.buffers | {"light_filter": self.made["light_filter"]}
+            packer.lamps = replace(self.lamps, buffers=buffers, listed=writer.listed[1:], lists=writer.lists)
         arrays, made = (
             view.arrays | {"grid": grid, "light_buffer": light_buffer, "light": self.light},
             self.made | lists,
@@ -268,7 +247,7 @@ class _SeenSpheres:
             self.lamps = known
             self._see_again(known, writer)
             skipped[what] = known.idle
-            return known.light_buffer, writer
+            return known.light_buffer + np.array([1, 0, 0, 0], np.int32), writer
         self.made["light_filter"] = tools.room(4 * (m * self.n + PACKET), np.float32, again=True)
         self.made["light_side"] = tools.room(m * self.n + PACKET, np.int8, again=True)
         if not self.any_along:
@@ -286,30 +265,29 @@ class _SeenSpheres:
                 self._pack_light(number)
         skipped[what] = idle
         if keeps:
-            made = {"filters": None, "sides": self.made["light_side"], "light_buffer": light_buffer}
-            self.lamps = _Lamps(
-                key, self.camera, self.light, **made, grids=self.grids, listed=[], lists=None, idle=idle
-            )
+            buffers, of = {"light_side": self.made["light_side"]}, light_buffer - np.array([1, 0, 0, 0], np.int32)
+            self.lamps = KeptLights(key, self.camera, self.light, of, self.grids, [], None, {}, buffers, idle)
         return light_buffer, writer
 
-    def _see_again(self, lamps: _Lamps, writer: ListWriter) -> None:
+    def _see_again(self, lamps: KeptLights, writer: ListWriter) -> None:
         """Adds what lights see, of which a camera changes directions alone."""
         del self.covers, self.flags
         tools, n, move = self.tools, self.n, Move.of(lamps.camera, self.camera, self.unit)
+        before = lamps.buffers["light_filter"]
         for grid, listed in zip(lamps.grids, lamps.listed, strict=True):
             turned = replace(grid, axes=rotated(self.basis, grid.axes)) if grid.perspective else move.grid(grid)
             writer.add_again(turned, listed)
         self.light = move.lights(self.light, lamps.light)
-        self.made |= {"light_filter": lamps.filters, "light_side": lamps.sides}
+        self.made |= lamps.buffers
         if not any(light.at_point for light in self.lights):
             return
         self.made["light_filter"] = filters = tools.room(4 * (len(self.lights) * n + PACKET), np.float32, again=True)
         for number, light in enumerate(self.lights):
             if isinstance(light, AtPoint):
-                spheres = {"n": n, "center": self.packer.center, "before": lamps.filters} | self._lamp(light.place)
+                spheres = {"n": n, "center": self.packer.center, "before": before} | self._lamp(light.place)
                 tools.run("turn_light", **spheres, **self._axes, **self._rows_of(number, "light_filter"))
             else:
-                tools.copy(lamps.filters, filters, 16 * number * n, 16 * n, first=16 * number * n)
+                tools.copy(before, filters, 16 * number * n, 16 * n, first=16 * number * n)
 
     def _see_from_light(self, place: Array) -> None:
         """Makes `seen` what a light at a point of the world sees."""
