@@ -1,8 +1,8 @@
 """What the host and the kernel agree on, in one table: structs, arguments, outputs, counters, constants and flags.
 
 Everything that either side needs of it is made from here: the numpy dtypes, the order of the kernel's arguments, and a
-header in OpenCL C that stands before the kernel's own files (`python -m cltrace.plan.abi` prints it). So a new buffer
-is one line here; docs/developers.md says what a new output needs besides.
+header in OpenCL C that stands before the kernel's own files, see opencl.py. So a new buffer is one line here;
+docs/developers.md says what a new output needs besides.
 
 Units: where `real` is double, lengths of that type are in scene units. All lengths that are float, and so in single
 every length, are in the float buffers' unit: a power of two of scene units, for which the largest coordinate is about
@@ -14,7 +14,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from functools import cache
-from itertools import groupby
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -595,160 +594,6 @@ def _scalar_and_width(type_: str, precision: Precision) -> tuple[np.dtype[Any], 
     return (np.dtype(scalars[name]) if scalar is None else scalar), int(width or 1)
 
 
-def options(precision: Precision, features: frozenset[str], branches: int = 1) -> list[str]:
-    """The compiler's -D options for a precision and flags that are set. KeyError for one that is not in FLAGS.
-
-    branches: BRANCHES of VALUES.
-    """
-    for name in features:
-        FLAGS[name]
-    sizes = {
-        "REAL_BYTES": real_dtype(precision).itemsize,
-        "SHADE_BYTES": shade_dtype(precision).itemsize,
-        "BRANCHES": branches,
-        **{f"{name}_BYTES": dtype_of(name, precision).itemsize for name in STRUCTS},
-    }
-    return [f"-D{k}={v}" for k, v in sizes.items()] + [f"-D{name}" for name in sorted(features)]
-
-
-def header() -> str:
-    """The table in OpenCL C: constants, structs, and the kernel's parameters as macros."""
-    lines = [f"#define {name} {value}" for name, value in CONSTANTS.items()]
-    lines += [f"#define IS_{name} 0" for name in FLAGS] + _light_kinds() + _shapes()
-    lines += [f"#define {name} {i}" for i, name in enumerate(COUNTERS)] + [f"#define COUNTERS {len(COUNTERS)}"]
-    for name, fields in STRUCTS.items():
-        lines += _struct(name, [(f"{f.type} {f.name}", f.text) for f in fields])
-        # The build fails here, by name, if the host lays a struct out differently.
-        lines.append(f"typedef char layout_of_{name}_differs_from_numpy[sizeof({name}) == {name}_BYTES ? 1 : -1];")
-    groups: dict[str, list[Argument]] = {}
-    for argument in ARGUMENTS:
-        groups.setdefault(argument.group, []).append(argument)
-    del groups[""]
-    parts = ("Spheres", "Lists", "Tree")
-    needs = {part: _common_need(groups[part]) for part in parts}
-    for name in (*parts, "Frame", "Scene", "Outputs"):
-        members = [(a.parameter.removeprefix("const "), a.text) for a in groups[name]]
-        lines += _struct(name, [(f"{part} {part.lower()}", "") for part in parts if name == "Scene"] + members)
-    lines += _list_macro("RENDER_PARAMETERS", [(a.parameter, a.needs) for a in ARGUMENTS])
-    for name, arguments in groups.items():
-        values = [(f".{a.name} = {a.name}", "" if a.needs == needs.get(name) else a.needs) for a in arguments]
-        nested = [(f".{part.lower()} = {part.upper()}_OF_PARAMETERS", needs[part]) for part in parts]
-        lines += _list_macro(f"{name.upper()}_OF_PARAMETERS", values + (nested if name == "Scene" else []), "{", "}")
-    return "\n".join(lines) + "\n"
-
-
-def for_its_shape(name: str, text: str) -> str:
-    """A kernel's file, of a shape's folder only where there are such: but for the first one, of whose parts others are
-    made."""
-    for shape in SHAPES[1:]:
-        if name.startswith(f"shapes/{shape.name}/"):
-            return f"#ifdef {shape.flag}\n#line 1\n{text}#endif\n"
-    return text
-
-
 def arguments_of(features: frozenset[str]) -> list[Argument]:
     """The arguments, in their order, of a kernel that is built with these flags."""
     return [a for a in ARGUMENTS if not a.needs or a.needs in features]
-
-
-def _light_kinds() -> list[str]:
-    """The numbers of the kinds of lights, and how many of them a scene has."""
-    numbers = [f"#define {kind.upper()}_LIGHT {i}" for i, kind in enumerate(LIGHT_KINDS)]
-    has = " + ".join(f"HAS(WITH_{kind.upper()})" for kind in LIGHT_KINDS)
-    return [*numbers, f"#define KINDS_OF_LIGHTS ({has})"]
-
-
-def _shapes() -> list[str]:
-    """Which shape a surface has, traits, and the macros that ask a surface's shape.
-
-    Of a shape x, FIRST_X(spheres) is the index of its first surface, IS_X(spheres, index) tells which lanes' surface is
-    one, and X_OR_NONE(spheres, index) is that one's number among its kind, -1 for none. ANY_<trait> tells whether a
-    shape of the scene has this trait, IS_<trait>(spheres, index) which lanes' surface has.
-
-    ASK_SHAPE(spheres, index, question(...)) is what the function <shape>_question(...) returns, ASK_LEAF(tree, index,
-    question(...)) the same for a leaf of the tree. EACH_SHAPE(spheres, index, question(...)) calls the first shape's
-    function for all lanes, and then those of other shapes that some lane's surface has: each of these puts what it
-    knows into its own lanes, by PUT_OF_SHAPE(). Where a scene has one shape only, all these are direct calls.
-    """
-    lines = [
-        f"#define KINDS_OF_SHAPES ({' + '.join(f'HAS({shape.flag})' for shape in SHAPES)})",
-        "#define PUT_OF_SHAPE(mask, variable, value) "
-        "variable = KINDS_OF_SHAPES == 1 ? (value) : (mask) ? (value) : (variable)",
-    ]
-    for i, (name, _, first, leaf, _) in enumerate(SHAPES):
-        own, asked = name.upper(), f"{name}_##question"
-        here, number = f"(index) >= {first}", f"(index) - {first}"
-        ends = "".join(f"HAS({shape.flag}) ? (index) < {shape.first} : " for shape in SHAPES[i + 1 :]) + here
-        either = f"IS_{own}(spheres, index) ? {number} : (INT) - 1"
-        lines += [
-            f"#define FIRST_{own}(spheres) {first}",
-            f"#define IS_{own}(spheres, index) ({f'({here}) & ({ends})' if i and ends != here else ends})",
-            f"#define {own}_OR_NONE(spheres, index) (KINDS_OF_SHAPES == 1 ? {number} : {either})",
-        ]
-        lines += _chained("ASK_SHAPE(spheres, index, question)", i, asked, f"({here} ? {asked} : %s)")
-        lines += _chained("ASK_LEAF(tree, index, question)", i, asked, f"((index) >= {leaf} ? {asked} : %s)")
-        each = f"do {{ %s; if (ANY(IS_{own}(spheres, index))) {asked}; }} while (0)"
-        lines += _chained("EACH_SHAPE(spheres, index, question)", i, asked, each)
-    for trait in TRAITS:
-        those = [shape for shape in SHAPES if trait in shape.traits]
-        lanes = " | ".join(f"(HAS({s.flag}) ? IS_{s.name.upper()}(spheres, index) : (MASK)0)" for s in those)
-        lines += [
-            f"#define ANY_{trait} ({' || '.join(f'HAS({shape.flag})' for shape in those)})",
-            f"#define IS_{trait}(spheres, index) ({lanes})",
-        ]
-    return lines
-
-
-def _chained(macro: str, i: int, alone: str, among: str) -> list[str]:
-    """A macro for the first shapes up to row i, of which it takes those that the scene has.
-
-    alone: its text where there is none of the rows before; among: the same where there is, as %s.
-    """
-    name, parameters = macro.split("(", 1)
-    this = f"#define {name}_{i}({parameters}"
-    before = f"{name}_{i - 1}"
-    last = [f"#define {macro} {name}_{i}({parameters}"] if i == len(SHAPES) - 1 else []
-    one = [f"{this} {alone}"]
-    if i == 0:
-        return [*_guarded(SHAPES[i].flag, one), *last]
-    both = _guarded(before, [f"{this} {among % f'{before}({parameters}'}"], tuple(one))
-    same = _guarded(before, [f"{this} {before}({parameters}"])
-    return [*_guarded(SHAPES[i].flag, both, tuple(same)), *last]
-
-
-def _common_need(arguments: list[Argument]) -> str:
-    """The flag that all of them need, "" if there is none."""
-    needs = {a.needs for a in arguments}
-    return needs.pop() if len(needs) == 1 else ""
-
-
-def _guarded(needs: str, lines: list[str], otherwise: tuple[str, ...] = ()) -> list[str]:
-    """Lines that are there only if a flag is set, and those that are there if it is not."""
-    if not needs:
-        return lines
-    return [f"#ifdef {needs}", *lines, *(("#else", *otherwise) if otherwise else ()), "#endif"]
-
-
-def _list_macro(name: str, items: list[tuple[str, str]], opening: str = "", closing: str = "") -> list[str]:
-    """A macro that is a list of items, each of which is left out where the flag is not set that it needs.
-
-    The first one needs none.
-    """
-    lines: list[str] = []
-    parts: list[str] = []
-    for needs, run in groupby(items, key=lambda item: item[1]):
-        part = f"{name}_{len(parts)}"
-        text = (", " if parts else "") + ", ".join(item for item, _ in run)
-        lines += _guarded(needs, [f"#define {part} {text}"], (f"#define {part}",))
-        parts.append(part)
-    return [*lines, f"#define {name} {opening}{' '.join(parts)}{closing}"]
-
-
-def _struct(name: str, fields: list[tuple[str, str]]) -> list[str]:
-    """A struct of fields (declaration, comment)."""
-    rows = [f"    {declaration};{f' /* {text} */' if text else ''}" for declaration, text in fields]
-    return ["typedef struct {", *rows, f"}} {name};"]
-
-
-if __name__ == "__main__":
-    print(header(), end="")

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.plan import abi
+from cltrace.plan import abi, opencl
 from cltrace.plan.abi import SHAPES
 from cltrace.plan.lights import are_at_points, counts, kinds
 from cltrace.plan.materials import limits
@@ -190,7 +190,7 @@ class Plan:
 
     def options(self) -> list[str]:
         """The compiler's options. Scenes with the same precision, features and branches share a program."""
-        return abi.options(self.request.precision, self.features, self.branches)
+        return opencl.options(self.request.precision, self.features, self.branches)
 
 
 def _frame(world: ScenePacking, view: CameraView, request: Request) -> dict[str, Any]:

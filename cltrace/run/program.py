@@ -17,7 +17,7 @@ import pyopencl as cl
 
 from cltrace.base.errors import BuildError, warnings_are
 from cltrace.base.waiting import aside
-from cltrace.plan import abi
+from cltrace.plan import opencl
 from cltrace.run.caches import ROOM, largest_file, mend_kernels
 from cltrace.run.devices import Device
 
@@ -114,8 +114,8 @@ def kernel_folder() -> Traversable:
 def source(files: tuple[str, ...] = SOURCES) -> str:
     """The kernel's files as one text, with `#line`s, so that the compiler's messages name the file they are about."""
     folder = kernel_folder()
-    texts = (abi.header() if name == "abi" else (folder / name).read_text("utf-8") for name in files)
-    texts = (abi.for_its_shape(name, text) for name, text in zip(files, texts, strict=True))
+    texts = (opencl.header() if name == "abi" else (folder / name).read_text("utf-8") for name in files)
+    texts = (opencl.for_its_shape(name, text) for name, text in zip(files, texts, strict=True))
     return "".join(f'#line 1 "kernels/{name}"\n{text}' for name, text in zip(files, texts, strict=True))
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cltrace.base.arrays import joined
 from cltrace.base.waiting import Announcement
-from cltrace.plan import abi
+from cltrace.plan import abi, opencl
 from cltrace.plan.accel.tree import Paths
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array, Ints
@@ -93,7 +93,7 @@ class RayTracer:
         arguments = abi.arguments_of(features)
         types = {a.name: a.type.replace("real", "double") if a.kind == "value" else BUFFER for a in arguments}
         flags = ("W=1", "RUN=1", *self.device.flags)
-        made = program(self.device, [*(f"-D{flag}" for flag in flags), *abi.options("accurate", features)], FILES)
+        made = program(self.device, [*(f"-D{flag}" for flag in flags), *opencl.options("accurate", features)], FILES)
         parameters = types | PARAMETERS | dict.fromkeys(RESULTS, BUFFER)
         self._kernel = NamedKernel(made, "trace_rays", parameters)
         # What no ray asks for is 0, or a buffer of a few zeros.

@@ -11,7 +11,7 @@ import pyopencl as cl
 
 from cltrace.base.errors import BuildError
 from cltrace.base.waiting import Announcement
-from cltrace.plan import abi
+from cltrace.plan import opencl
 from cltrace.plan.lights import are_at_points
 from cltrace.plan.plan import Plan
 from cltrace.run.devices import Device
@@ -137,7 +137,7 @@ class Unstoppable:
 
     def _kernels(self) -> dict[str, NamedKernel]:
         flags = (f"W={self._device.width}", *self._device.flags)
-        options = [*(f"-D{flag}" for flag in flags), *abi.options("accurate", frozenset({"WITH_TRIANGLES"}))]
+        options = [*(f"-D{flag}" for flag in flags), *opencl.options("accurate", frozenset({"WITH_TRIANGLES"}))]
         made = program(self._device, options, UNSTOPPABLE)
         parameters = parameters_of(source(UNSTOPPABLE))
         return {name: NamedKernel(made, name, parameters[name]) for name in parameters}

@@ -8,7 +8,7 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from cltrace.plan import abi
+from cltrace.plan import abi, opencl
 from cltrace.plan.shapes.mesh import CornerAttributes, PackedTriangles
 from cltrace.run import program
 from cltrace.run.devices import Device
@@ -126,7 +126,13 @@ def test_what_is_between_corners(device: Device, precision: abi.Precision, bound
     context = cl.Context([device.cl])
     queue, flags = cl.CommandQueue(context), cl.mem_flags
     for width in (w for w in (1, 4, 8, 16) if w <= device.width):
-        options = [*abi.options(precision, features), f"-DW={width}", "-DRUN=1", f"-DPOINTS={POINTS}", "-cl-std=CL1.2"]
+        options = [
+            *opencl.options(precision, features),
+            f"-DW={width}",
+            "-DRUN=1",
+            f"-DPOINTS={POINTS}",
+            "-cl-std=CL1.2",
+        ]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", cl.CompilerWarning)  # the log of a build that worked
             program_ = cl.Program(context, program.source(FILES) + BODY).build(options)

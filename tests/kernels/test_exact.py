@@ -13,7 +13,7 @@ from stress_cases import pairs_on_a_plane
 import cltrace
 from cltrace import Camera, Scene
 from cltrace.oracle.spheres import closest
-from cltrace.plan import abi
+from cltrace.plan import opencl
 from cltrace.reference import world_of
 from cltrace.reference.trace import primary_ray, trace
 from cltrace.run import program
@@ -172,7 +172,7 @@ def test_whole_numbers(device: Device) -> None:
     given = cl.Buffer(context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=data)
     out = np.empty(len(data))
     buffer = cl.Buffer(context, flags.WRITE_ONLY, out.nbytes)
-    built = cl.Program(context, source).build(["-DW=1", "-DRUN=1", *abi.options("double", frozenset())])
+    built = cl.Program(context, source).build(["-DW=1", "-DRUN=1", *opencl.options("double", frozenset())])
     built.sums(queue, (len(data),), None, given, buffer)
     cl.enqueue_copy(queue, out, buffer)
     for row, got in zip(data.tolist(), out.tolist(), strict=True):

@@ -15,7 +15,7 @@ from conftest import world
 
 import cltrace
 from cltrace import Camera, Renderer, Scene
-from cltrace.plan import abi
+from cltrace.plan import opencl
 from cltrace.plan.materials import Textures
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Request
@@ -74,7 +74,7 @@ def called(device: Device, precision: str, width: int, body: str, results: int, 
     flags = [f"-D{flag}" for flag in (f"W={width}", "RUN=1", *device.flags)]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", cl.CompilerWarning)  # the log of a build that worked
-        options = [*abi.options(precision, features), *flags, "-cl-std=CL1.2"]  # type: ignore[arg-type]
+        options = [*opencl.options(precision, features), *flags, "-cl-std=CL1.2"]  # type: ignore[arg-type]
         kernel = cl.Kernel(cl.Program(context, source).build(options), "called")
     out = np.empty((results, len(given[0])), real)
     read = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR

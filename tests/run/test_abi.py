@@ -11,7 +11,7 @@ import pytest
 
 import cltrace
 from cltrace.picture.image import OUTPUTS
-from cltrace.plan import abi
+from cltrace.plan import abi, opencl
 from cltrace.plan.lists import ONE_LIST
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import COMPOSED, Request
@@ -46,7 +46,7 @@ def test_offsets(device: Device, precision: abi.Precision) -> None:
     queue = cl.CommandQueue(context)
     out = np.full(len(expected), -1, np.int32)
     buffer = cl.Buffer(context, cl.mem_flags.READ_WRITE, out.nbytes)
-    options = ["-DW=1", "-DRUN=1", *abi.options(precision, frozenset())]
+    options = ["-DW=1", "-DRUN=1", *opencl.options(precision, frozenset())]
     cl.Program(context, source).build(options).offsets(queue, (1,), None, buffer)
     cl.enqueue_copy(queue, out, buffer)
     assert [(name, field, at) for (name, field, _), at in zip(expected, out.tolist(), strict=True)] == expected
@@ -88,7 +88,7 @@ def test_an_image_has_a_place_for_each_output() -> None:
 
 def test_flags_that_are_used_are_flags_that_can_be_set() -> None:
     """A misspelt flag in an #ifdef would be off for ever; one in HAS() does not compile."""
-    code = "\n".join(re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL) for text in [*KERNELS.values(), abi.header()])
+    code = "\n".join(re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL) for text in [*KERNELS.values(), opencl.header()])
     conditions = re.findall(r"^#\s*(?:ifdef|ifndef|if|elif)\b(.*)$", code, re.MULTILINE)
     used = {name for line in conditions for name in re.findall(r"\b[A-Za-z_]\w*", line)} - {"defined"}
     used |= set(re.findall(r"\bHAS\(([A-Z_0-9]+)\)", code))

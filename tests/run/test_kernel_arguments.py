@@ -9,7 +9,7 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from cltrace.plan import abi
+from cltrace.plan import opencl
 from cltrace.run.devices import Device
 from cltrace.run.pack.toolbox import FILES, Toolbox, packed_types
 from cltrace.run.program import BUFFER, UNSTOPPABLE, argument, kernel_folder, parameters_of, program, source
@@ -23,7 +23,7 @@ def test_parameters_are_those_that_the_compiler_sees(any_device: Device, name: s
     )
     features = frozenset({"WITH_TRIANGLES"} if name == "unstoppable" else ())
     options = [f"-D{macro}={value}" for macro, value in (macros | {"W": "1", "RUN": "1"}).items()]
-    made = program(any_device, [*options, "-cl-kernel-arg-info", *abi.options("double", features)], files).made
+    made = program(any_device, [*options, "-cl-kernel-arg-info", *opencl.options("double", features)], files).made
     found = parameters_of(source(files), macros)
     assert found.keys() == {kernel.function_name for kernel in made.all_kernels()}
     ask = cl.kernel_arg_info

@@ -11,7 +11,7 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from cltrace.base.limits import MAX_ROWS
-from cltrace.plan import abi
+from cltrace.plan import abi, opencl
 from cltrace.run.devices import Device, check_sizes
 from cltrace.run.program import NamedKernel, context_of, parameters_of, program, source
 
@@ -177,7 +177,7 @@ def _program(device: Device, single: bool) -> tuple[Any, dict[str, dict[str, str
     values: dict[str, object] = {**macros, "W": min(device.width, WIDEST), "RUN": 1}
     options = [f"-D{name}={value}" for name, value in values.items()]
     # The kernels compute in double, whatever precision they pack for.
-    options += abi.options("double", frozenset())
+    options += opencl.options("double", frozenset())
     return program(device, options, FILES), parameters_of(source(FILES), macros)
 
 
