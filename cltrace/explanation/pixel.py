@@ -10,9 +10,7 @@ import numpy as np
 
 from cltrace.base.errors import TooManyRaysError
 from cltrace.explanation.explanation import Explanation
-from cltrace.explanation.lighting import ambient_terms, light_terms
-from cltrace.explanation.meeting import Meetings
-from cltrace.explanation.names import Names
+from cltrace.explanation.facts import Meetings, Names, Space, ambient_terms, light_terms
 from cltrace.explanation.record import (
     AmbientTerm,
     Bounce,
@@ -27,8 +25,7 @@ from cltrace.explanation.record import (
     TracedRay,
     total,
 )
-from cltrace.explanation.shapes.table import KINDS
-from cltrace.explanation.space import Space
+from cltrace.explanation.textbook import KINDS
 from cltrace.explanation.triples import Triple, triple
 from cltrace.explanation.triples import number as written
 from cltrace.reference import (

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from cltrace.explanation.shapes.shape import Textbook
+from cltrace.explanation.textbook import Textbook
 from cltrace.explanation.triples import Triple
 from cltrace.scene.colors import Transfer
 

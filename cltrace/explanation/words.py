@@ -23,7 +23,7 @@ from cltrace.explanation.record import (
     SurfaceTest,
     TracedRay,
 )
-from cltrace.explanation.shapes.table import NORMALS
+from cltrace.explanation.textbook import NORMALS
 from cltrace.explanation.triples import Triple, number, vector
 from cltrace.reference import byte_of
 from cltrace.scene.colors import encoded

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from cltrace.base.errors import CltraceError, located
 from cltrace.explanation.explanation import Explanation
-from cltrace.explanation.names import Names
+from cltrace.explanation.facts import Names
 from cltrace.explanation.pixel import explain
 from cltrace.explanation.words import light
 from cltrace.picture.image import Image

@@ -18,12 +18,10 @@ from stress_cases import picture
 
 import cltrace
 from cltrace import cli
-from cltrace.explanation import many, meeting
-from cltrace.explanation.many import Swarm
+from cltrace.explanation import facts
 from cltrace.explanation.pixel import Explainer
 from cltrace.explanation.record import Hit, TracedRay
-from cltrace.explanation.shapes.sphere import SphereTest
-from cltrace.explanation.shapes.triangle import TriangleTest
+from cltrace.explanation.textbook import SphereTest, Swarm, TriangleTest
 from cltrace.reference import Pixel, byte_of
 from cltrace.run.devices import Device
 from cltrace.students.check import CONTRACT
@@ -325,7 +323,7 @@ def test_of_many_spheres_only_those_are_tried_that_matter(name: str, monkeypatch
     scene = mixed() if name == "random" else cltrace.load(FIRST.with_name(f"{name}.xml"))
     few = Explainer(scene)
     assert any(isinstance(surface, Swarm) for surface in few.world.surfaces)
-    monkeypatch.setattr(many, "MANY", 10**9)
+    monkeypatch.setattr(textbook, "MANY", 10**9)
     every = Explainer(scene)
     assert not any(isinstance(surface, Swarm) for surface in every.world.surfaces)
     (width, height), place = scene.camera.resolution, random.Random(name)
@@ -353,7 +351,7 @@ def test_what_is_exactly_as_near_is_said(tmp_path: Path) -> None:
     found = explained(tmp_path, ball(0), ball(0), ball(-1, radius=2))
     tests = found.rays[0].tests
     assert [test.surface.id for test in tests] == [0, 1, 2]
-    assert [test.remark for test in tests] == ["", meeting.TIED, meeting.TIED]
+    assert [test.remark for test in tests] == ["", facts.TIED, meeting.TIED]
     assert "because of its lower number" in str(found)
 
 

@@ -1,0 +1,440 @@
+"""The textbook's intersection test of each shape, in doubles, as a student's own code has it; and the table of shapes.
+
+The reference tracer tries all spheres for every ray, as the tutorial has it. Where a pixel of a million spheres is to
+be explained, that would take minutes: so many spheres are one surface here, of which a ray tries only those that it
+does not surely pass by.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.base.arithmetic import inverses
+from cltrace.explanation.triples import Triple, number, triple, vector
+from cltrace.reference import Direction, Ellipsoid, Mesh, Point, Ray, Round, Surface, Triangle
+from cltrace.reference.clipping import Cap
+from cltrace.reference.cylinders import Cylinder
+from cltrace.reference.lights import ShadowRay
+from cltrace.reference.rays import Way
+from cltrace.reference.spheres import maker
+from cltrace.reference.surfaces import Group, Setting
+from cltrace.reference.vectors import size_of
+from cltrace.reference.world import KINDS as PLAIN
+
+
+class Footprint(NamedTuple):
+    """How wide a pixel is along a ray: at its start, and by how much more for each unit of the way."""
+
+    width: float
+    more: float
+
+    def at(self, t: float) -> float:
+        return self.width + self.more * t
+
+
+@dataclass(frozen=True)
+class Textbook(ABC):
+    """The intersection test of the textbook, in doubles: the numbers that a student's own code has.
+
+    The ray is o + t d in the world, and d has length 1. surfaces: which ones of the reference it is of; normals: what
+    their normals are, in words, by `shape` of Hit.
+    """
+
+    surfaces: ClassVar[tuple[type[Surface], ...]]
+    normals: ClassVar[Mapping[str, str]]
+
+    @classmethod
+    @abstractmethod
+    def of(cls, surface: Any, o: Point, d: Direction) -> Self:
+        """That of a surface which is no group."""
+
+    @classmethod
+    def beside(cls, surface: Any, o: Point, d: Direction, pixel: Footprint) -> Iterable[Surface]:
+        """What of a surface of the world a ray may pass by by less than a pixel's width there."""
+        return (surface,)
+
+    @classmethod
+    @abstractmethod
+    def gap(cls, surface: Any, o: Point, d: Direction) -> tuple[float, float, Surface]:
+        """How far a ray passes by one of these, at which t, and what of it is nearest."""
+
+    @abstractmethod
+    def first(self, own: bool) -> float:
+        """Where the ray meets it first by these numbers, infinite if it does not. own: whether it starts there."""
+
+    @abstractmethod
+    def lines(self) -> Iterator[str]:
+        """They in the words of the tutorial."""
+
+
+def first_of(ends: tuple[float, ...], own: bool) -> float:
+    """Where a ray meets a solid first, of where it meets it. On the one that it leaves, one of the two is its start."""
+    ahead = [t for t in ends if t > 0]
+    if own and ahead:
+        ahead = [t for t in ends if t != min(ends, key=abs) and t > 0]
+    return min(ahead, default=math.inf)
+
+
+def common(one: Sequence[float], other: Sequence[float]) -> tuple[float, ...]:
+    """From where to where a ray is in both of two parts of it, none if it is nowhere."""
+    begin, end = max(one[0], other[0]), min(one[1], other[1])
+    return (begin, end) if begin <= end else ()
+
+
+def solutions(a: float, b: float, c: float) -> tuple[float, tuple[float, ...]]:
+    """Of a t^2 + b t + c = 0: (b/2)^2 - a c, and the two solutions, the smaller one first, or none."""
+    half = b / 2
+    disc = half * half - a * c
+    root = math.sqrt(disc) if disc >= 0 else math.nan
+    return disc, ((-half - root) / a, (-half + root) / a) if disc >= 0 and a > 0 else ()
+
+
+MANY = 64  # spheres with numbers that follow each other, from which on they are a swarm
+
+
+class Swarm(Group):
+    """Spheres and ellipsoids with numbers that follow each other, each of which is made when a ray may meet it.
+
+    number: the first one's; places: of these spheres among the scene's.
+    """
+
+    def __init__(self, setting: Setting, make: Callable[[int], Round], places: range) -> None:
+        scene = setting.scene
+        super().__init__(int(scene.sphere_numbers[places[0]]), setting.view)
+        self._make, self._places, self._made = make, places, dict[int, Round]()
+        part = scene.spheres[places.start : places.stop]
+        self._centers, self._reach = part["center"], part["radius"].copy()
+        bent = part["to_object"] >= 0
+        if bent.any():
+            sizes = np.abs(inverses(scene.to_object)).sum(axis=(1, 2))
+            self._reach[bent] *= sizes[part["to_object"][bent]]
+
+    def sphere(self, row: int) -> Round:
+        if row not in self._made:
+            self._made[row] = self._make(self._places[row])
+        return self._made[row]
+
+    def near(self, way: Way | None) -> Iterator[Round]:
+        """The spheres that a ray may meet, by rising numbers. All others it surely passes by, or leads away from.
+
+        With f from the start to a centre and R the reach, a ray along w passes by where |f x w| > R |w|, and leads away
+        where f.w < -R |w|. As rays.Way has it, with u = 2^-53 and s = |f|_1 + reach, f is
+        off by 48 u s and w by 48 u w1. So f x w and f.w are off by less than 100 u s w1 < 2^-46 s w1, and |w| by 2^-44
+        of itself, as w1 <= 4 |w|_1. A few roundings beside these fit in twice that.
+        """
+        rows = np.arange(len(self._reach))
+        if way is not None and way.w1 <= 4 * size_of(way.w):
+            w = np.array(triple(way.w))
+            f = (self._centers - np.array(triple(way.place))) - np.array(triple(way.step))
+            error = 2.0**-45 * (np.abs(f).sum(axis=1) + way.reach) * way.w1
+            room = self._reach * (np.sqrt(w @ w) * (1 + 2.0**-42)) + error
+            rows = np.flatnonzero(~((_lengths(np.cross(f, w)) > room) | (f @ w < -room)))
+        for row in rows.tolist():
+            yield self.sphere(row)
+
+    def solids(self, ray: Ray | ShadowRay) -> Iterator[Surface]:
+        return self.parts(ray)
+
+    def beside(self, o: Point, d: Direction, pixel: Footprint) -> Iterator[Round]:
+        """Those that a ray may pass by by less than a pixel's width there. d: of length 1."""
+        f, w, R = self._centers - np.array(triple(o)), np.array(triple(d)), self._reach
+        t = f @ w
+        close = (t > -R) & (_lengths(np.cross(f, w)) < R + (pixel.width + pixel.more * (np.abs(t) + R)))
+        for row in np.flatnonzero(close).tolist():
+            yield self.sphere(row)
+
+
+def swarms(setting: Setting) -> Iterator[Surface]:
+    """The spheres of a scene: those with numbers that follow each other as a swarm, if they are many."""
+    numbers, make = setting.scene.sphere_numbers, maker(setting)
+    ends = [0, *(np.flatnonzero(np.diff(numbers) != 1) + 1).tolist(), len(numbers)]
+    for begin, end in itertools.pairwise(ends):
+        if end - begin >= MANY:
+            yield Swarm(setting, make, range(begin, end))
+        else:
+            yield from map(make, range(begin, end))
+
+
+def _lengths(v: NDArray[np.float64]) -> NDArray[np.float64]:
+    lengths: NDArray[np.float64] = np.sqrt((v * v).sum(axis=1))
+    return lengths
+
+
+@dataclass(frozen=True)
+class SphereTest(Textbook):
+    """a t^2 + b t + c = 0, as the tutorial has it, in doubles.
+
+    center: C; radius: R; own_axes: whether it is an ellipsoid, whose numbers are those in its own axes, as before its
+    transform, where it is a sphere; from_center, direction: o - C and d there, d not normalised again, so that t is the
+    same; discriminant: (b/2)^2 - a c; t: the two solutions, the smaller one first, or none.
+    """
+
+    center: Triple
+    radius: float
+    own_axes: bool
+    from_center: Triple
+    direction: Triple
+    a: float
+    b: float
+    c: float
+    discriminant: float
+    t: tuple[float, ...]
+    surfaces: ClassVar = (Round, Swarm)
+    normals: ClassVar = {
+        "sphere": "(P - C) / |P - C|",
+        "ellipsoid": "that of the sphere before the transform, by the inverse transpose, normalized",
+    }
+
+    @classmethod
+    def of(cls, sphere: Round, o: Point, d: Direction) -> SphereTest:
+        C, R = sphere.place, sphere.radius
+        to_start, way = sphere.seen(o - C), sphere.seen(d)
+        a, b, c = way.dot(way), 2 * way.dot(to_start), to_start.dot(to_start) - R * R
+        disc, t = solutions(a, b, c)
+        own = sphere.exact.K is not None
+        return cls(triple(C), R, own, triple(to_start), direction=triple(way), a=a, b=b, c=c, discriminant=disc, t=t)
+
+    @classmethod
+    def beside(cls, surface: Round | Swarm, o: Point, d: Direction, pixel: Footprint) -> Iterable[Surface]:
+        return surface.beside(o, d, pixel) if isinstance(surface, Swarm) else (surface,)
+
+    @classmethod
+    def gap(cls, sphere: Round, o: Point, d: Direction) -> tuple[float, float, Round]:
+        """Of an ellipsoid, t is where the ray is nearest to it in its own axes."""
+        to_center, way = sphere.seen(sphere.place - o), sphere.seen(d)
+        t = to_center.dot(way) / way.dot(way)
+        across = way * t - to_center
+        length = across.length()
+        outside = across * (1 - sphere.radius / length) if length > 0 else across
+        return math.copysign(_in_world(sphere, outside).length(), length - sphere.radius), t, sphere
+
+    def first(self, own: bool) -> float:
+        return first_of(self.t, own)
+
+    def lines(self) -> Iterator[str]:
+        yield f"    C = {vector(self.center)}, R = {number(self.radius)}"
+        if self.own_axes:
+            same = "where d is not normalized again, so that t is the same:"
+            yield f"    in its own axes, as before its transform, {same}"
+            yield f"    o - C = {vector(self.from_center)}, d = {vector(self.direction)}"
+        yield f"    a = d.d = {number(self.a)}"
+        yield f"    b = 2 d.(o - C) = {number(self.b)}"
+        yield f"    c = (o - C).(o - C) - R^2 = {number(self.c)}"
+        disc = f"    disc = (b/2)^2 - a c = {number(self.discriminant)}"
+        if not self.t:
+            yield f"{disc} < 0: no intersection"
+            return
+        yield f"{disc} {'> 0: two intersections' if self.discriminant > 0 else '= 0: one intersection'}"
+        near, far = map(number, self.t)
+        yield f"    t1 = (-b/2 - sqrt(disc)) / a = {near}, t2 = (-b/2 + sqrt(disc)) / a = {far}"
+
+
+def _in_world(sphere: Round, v: Direction) -> Direction:
+    """Back from a sphere's own axes."""
+    return sphere.L @ v if isinstance(sphere, Ellipsoid) else v
+
+
+@dataclass(frozen=True)
+class CylinderTest(Textbook):
+    """The endless cylinder, and the planes of the ends, in doubles.
+
+    start, end: the middles of the ends; radius: R; axis: of length 1, from one to the other; across, way: what is left
+    of o - start and of d without their parts along the axis; a, b, c: of a t^2 + b t + c = 0; t: the two solutions, or
+    none; planes: where the ray is in those of the start and of the end, NaN if it is parallel to them; inside: from
+    where to where it is within both, none if it is nowhere.
+    """
+
+    start: Triple
+    end: Triple
+    radius: float
+    axis: Triple
+    across: Triple
+    way: Triple
+    a: float
+    b: float
+    c: float
+    t: tuple[float, ...]
+    planes: tuple[float, float]
+    inside: tuple[float, ...]
+    surfaces: ClassVar = (Cylinder,)
+    normals: ClassVar = {
+        "cylinder": "what is left of P - S without its part along the axis, or the axis, normalized",
+    }
+
+    @classmethod
+    def of(cls, cylinder: Cylinder, o: Point, d: Direction) -> CylinderTest:
+        S, u = cylinder.start, cylinder.axis.normalized()
+        to_start, length, R = o - S, cylinder.axis.length(), cylinder.radius
+        along, speed = to_start.dot(u), d.dot(u)
+        across, way = to_start - u * along, d - u * speed
+        a, b, c = way.dot(way), 2 * way.dot(across), across.dot(across) - R * R
+        _, t = solutions(a, b, c)
+        planes = (-along / speed, (length - along) / speed) if speed else (math.nan, math.nan)
+        round_ = t or ((-math.inf, math.inf) if a == 0 and c <= 0 else (math.inf, -math.inf))
+        between = sorted(planes) if speed else [-math.inf, math.inf] if 0 <= along <= length else [math.inf, -math.inf]
+        return cls(
+            triple(S),
+            triple(cylinder.end),
+            R,
+            axis=triple(u),
+            across=triple(across),
+            way=triple(way),
+            a=a,
+            b=b,
+            c=c,
+            t=t,
+            planes=planes,
+            inside=common(round_, between),
+        )
+
+    @classmethod
+    def gap(cls, cylinder: Cylinder, o: Point, d: Direction) -> tuple[float, float, Cylinder]:
+        """As if its ends were round; t is where the ray is nearest to its axis."""
+        f, u = cylinder.start - o, cylinder.axis
+        g, uu, dd = d.dot(u), u.dot(u), d.dot(d)
+        rest = dd * uu - g * g
+        k = (f.dot(d) * g - f.dot(u) * dd) / rest if rest > 0 else 0.0
+        near = f + u * max(0.0, min(1.0, k))
+        t = near.dot(d) / dd
+        return (near - d * t).length() - cylinder.radius, t, cylinder
+
+    def first(self, own: bool) -> float:
+        return first_of(self.inside, own)
+
+    def lines(self) -> Iterator[str]:
+        yield f"    S = {vector(self.start)}, E = {vector(self.end)}, R = {number(self.radius)}"
+        yield f"    u = E - S, normalized = {vector(self.axis)}"
+        yield "    without their parts along u:"
+        yield f"    o - S is {vector(self.across)}, d is {vector(self.way)}; of these"
+        c = f"c = (o - S).(o - S) - R^2 = {number(self.c)}"
+        yield f"    a = d.d = {number(self.a)}, b = 2 d.(o - S) = {number(self.b)}, {c}"
+        t = map(number, self.t)
+        yield "    t1 = {}, t2 = {} on the side".format(*t) if self.t else "    no intersection with the side"
+        if not math.isnan(self.planes[0]):
+            yield f"    t = {number(self.planes[0])} in the plane of S, t = {number(self.planes[1])} in that of E"
+        ends = map(number, self.inside)
+        yield "    within both from t = {} to {}".format(*ends) if self.inside else "    never in both"
+
+
+@dataclass(frozen=True)
+class TriangleTest(Textbook):
+    """t = (A - o).N / d.N, in doubles.
+
+    corners: A, B and C; normal: N = (B - A) x (C - A), not normalised; d_n: d.N; t: where the ray is in the plane, NaN
+    if it is parallel to that; weights: of A, B and C at that point, all >= 0 within the triangle.
+    """
+
+    corners: tuple[Triple, Triple, Triple]
+    normal: Triple
+    d_n: float
+    t: float
+    weights: Triple
+    surfaces: ClassVar = (Mesh, Triangle)
+    normals: ClassVar = {"flat": "N / |N|", "smooth": "the corners' normals by the weights, normalized"}
+
+    @classmethod
+    def of(cls, triangle: Triangle, o: Point, d: Direction) -> TriangleTest:
+        A, B, C = triangle.places
+        N = (B - A).cross(C - A)
+        d_n, area = d.dot(N), N.dot(N)
+        t = (A - o).dot(N) / d_n if d_n else math.nan
+        P = o + d * t
+        # The triangle that P makes with an edge, as a share of the whole one.
+        parts = [(Y - X).cross(P - X).dot(N) / area if area else math.nan for X, Y in ((B, C), (C, A), (A, B))]
+        return cls((triple(A), triple(B), triple(C)), triple(N), d_n=d_n, t=t, weights=(parts[0], parts[1], parts[2]))
+
+    @classmethod
+    def gap(cls, mesh: Mesh, o: Point, d: Direction) -> tuple[float, float, Surface]:
+        gaps, at = _gaps(mesh, o, d)
+        k = int(np.argmin(gaps)) if len(gaps) else -1
+        return (float(gaps[k]), float(at[k]), mesh.triangle(k)) if k >= 0 else (math.inf, math.inf, mesh)
+
+    def first(self, own: bool) -> float:
+        return self.t if self.t > 0 and all(weight >= 0 for weight in self.weights) else math.inf
+
+    def lines(self) -> Iterator[str]:
+        yield f"    {', '.join(f'{name} = {vector(corner)}' for name, corner in zip('ABC', self.corners, strict=True))}"
+        yield f"    N = (B - A) x (C - A) = {vector(self.normal)}, d.N = {number(self.d_n)}"
+        if math.isnan(self.t):
+            yield "    d.N = 0: the ray is parallel to the plane"
+            return
+        inside = "all >= 0: within" if all(weight >= 0 for weight in self.weights) else "one < 0: outside"
+        yield f"    t = (A - o).N / d.N = {number(self.t)}"
+        yield f"    weights of A, B and C there: {', '.join(map(number, self.weights))}; {inside}"
+
+
+def _gaps(mesh: Mesh, o: Point, d: Direction) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """How far a ray passes by each triangle of a mesh that is ahead of it as a whole, and at which t; inf for others.
+
+    Seen along the ray the triangles are flat, and the ray is a point: so far is that from the nearest edge.
+    """
+    start, way = np.array(triple(o)), np.array(triple(d))
+    right = np.cross(way, np.eye(3)[np.argmin(np.abs(way))])
+    right /= np.linalg.norm(right)
+    seen = (mesh.of.vertices - start) @ np.stack([right, np.cross(way, right), way], axis=1)
+    corners = seen[mesh.of.geometry.faces]
+    gap, at = np.full(len(corners), math.inf), np.full(len(corners), math.inf)
+    for i in range(3):
+        p, edge = corners[:, i], corners[:, (i + 1) % 3] - corners[:, i]
+        length = np.square(edge[:, :2]).sum(axis=1)
+        along = -(p[:, :2] * edge[:, :2]).sum(axis=1)
+        share = np.clip(np.divide(along, length, out=np.zeros(len(along)), where=length > 0), 0, 1)
+        nearest = p + share[:, None] * edge
+        distance = np.hypot(nearest[:, 0], nearest[:, 1])
+        closer = (distance < gap) & (corners[:, :, 2] > 0).all(axis=1)
+        gap[closer], at[closer] = distance[closer], nearest[closer, 2]
+    return gap, at
+
+
+@dataclass(frozen=True)
+class CapTest(Textbook):
+    """t = (S - o).m / d.m, in doubles.
+
+    start: S, a point of the plane; normal: m, of length 1, to the side that is left out; d_m: d.m; t: where the ray is
+    in the plane, NaN if it is parallel to that.
+    """
+
+    start: Triple
+    normal: Triple
+    d_m: float
+    t: float
+    surfaces: ClassVar = (Cap,)
+    normals: ClassVar = {"cap": "m"}
+
+    @classmethod
+    def of(cls, cap: Cap, o: Point, d: Direction) -> CapTest:
+        plane = cap.entry.plane
+        S, m = plane.point, -plane.inward.normalized()
+        d_m = d.dot(m)
+        return cls(triple(S), triple(m), d_m, (S - o).dot(m) / d_m if d_m else math.nan)
+
+    @classmethod
+    def gap(cls, cap: Cap, o: Point, d: Direction) -> tuple[float, float, Cap]:
+        return math.inf, math.inf, cap
+
+    def first(self, own: bool) -> float:
+        return self.t if self.t > 0 else math.inf
+
+    def lines(self) -> Iterator[str]:
+        yield f"    the plane has S = {vector(self.start)} and m = {vector(self.normal)}"
+        yield f"    t = (S - o).m / d.m = {number(self.t)}; there the ray is inside of the surface that the cap closes"
+
+
+SHAPES: tuple[type[Textbook], ...] = (SphereTest, CylinderTest, TriangleTest, CapTest)
+# What makes a scene's surfaces, as that of the reference does.
+KINDS = {**PLAIN, "spheres": swarms}
+# What normals are, by `shape` of Hit.
+NORMALS = {shape: words for row in SHAPES for shape, words in row.normals.items()}
+
+
+def textbook_of(surface: Surface) -> type[Textbook]:
+    """Its row."""
+    return next(row for row in SHAPES if isinstance(surface, row.surfaces))
