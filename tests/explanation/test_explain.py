@@ -18,7 +18,7 @@ from stress_cases import picture
 
 import cltrace
 from cltrace import cli
-from cltrace.explanation import facts
+from cltrace.explanation import facts, textbook
 from cltrace.explanation.pixel import Explainer
 from cltrace.explanation.record import Hit, TracedRay
 from cltrace.explanation.textbook import SphereTest, Swarm, TriangleTest
@@ -351,7 +351,7 @@ def test_what_is_exactly_as_near_is_said(tmp_path: Path) -> None:
     found = explained(tmp_path, ball(0), ball(0), ball(-1, radius=2))
     tests = found.rays[0].tests
     assert [test.surface.id for test in tests] == [0, 1, 2]
-    assert [test.remark for test in tests] == ["", facts.TIED, meeting.TIED]
+    assert [test.remark for test in tests] == ["", facts.TIED, facts.TIED]
     assert "because of its lower number" in str(found)
 
 
