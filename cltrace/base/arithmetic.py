@@ -153,13 +153,6 @@ def adjugate(m: Sequence[Sequence[Q]]) -> tuple[Rows[Q], Q]:
     return rows, m[0][0] * rows[0][0] + m[0][1] * rows[1][0] + m[0][2] * rows[2][0]
 
 
-def exact_inverse(m: Sequence[Sequence[Fraction]]) -> Rows[Fraction]:
-    """The inverse of a matrix that has one."""
-    rows, determinant = adjugate(m)
-    x, y, z = ((a / determinant, b / determinant, c / determinant) for a, b, c in rows)
-    return x, y, z
-
-
 def whole_inverse(rows: list[list[float]]) -> tuple[list[list[int]], int]:
     """Integers, (3, 3), and the one by which they are to be divided to give the inverse exactly; 0 if there is none.
 

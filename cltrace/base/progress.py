@@ -20,20 +20,20 @@ def bar(total: int | None, unit: str, wanted: bool | None = None) -> Any:
     Raises MissingPackageError if it is wanted and tqdm is not installed.
     """
     looking = "ipykernel" in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
-    if wanted is False or (wanted is None and not looking):
-        return _Nothing()
-    if importlib.util.find_spec("tqdm") is None:
+    shown = looking if wanted is None else wanted
+    if shown and importlib.util.find_spec("tqdm") is None:
         if wanted:
             raise MissingPackageError("a progress bar", "tqdm", "progress")
-        return _Nothing()
-    return _Bar(total, unit)
+        shown = False
+    return _Bar(total, unit, shown)
 
 
 class _Bar:
-    """A bar that is there after a second: most work has ended before that, and needs no tqdm."""
+    """A bar that is there after a second, if it is shown: most work has ended before that, and needs no tqdm."""
 
-    def __init__(self, total: int | None, unit: str) -> None:
+    def __init__(self, total: int | None, unit: str, shown: bool) -> None:
         self._options = {"total": total, "unit": unit}
+        self._shown = shown
         self._start = time.time()
         self._bar: Any = None
         self._done: float = 0
@@ -48,21 +48,8 @@ class _Bar:
     def update(self, n: float = 1) -> None:
         """So much more is done."""
         self._done += n
-        if self._bar is None and time.time() - self._start >= DELAY:
+        if self._shown and self._bar is None and time.time() - self._start >= DELAY:
             self._bar = importlib.import_module("tqdm.auto").tqdm(**self._options)
             self._bar.start_t, n = self._start, self._done  # so that its rate is that of all
         if self._bar is not None:
             self._bar.update(n)
-
-
-class _Nothing:
-    """What shows nothing."""
-
-    def __enter__(self) -> _Nothing:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
-    def update(self, n: float = 1) -> None:
-        pass
