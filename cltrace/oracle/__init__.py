@@ -4,8 +4,7 @@ rays.py       rays in pairs of doubles that count their errors, and as the exact
 search.py     the search for what they meet first, or at all; Kind, which each shape implements
 spheres.py    spheres and ellipsoids; closest(), which has these alone
 triangles.py, cylinders.py  the other shapes
-shapes.py     the table of them
-scenes.py     closest_hit(): any rays in a scene
+scenes.py     closest_hit(): any rays in a scene; the table of shapes
 """
 
 from cltrace.oracle.scenes import Answer, closest_hit, triangles_met

@@ -9,13 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.arithmetic import Floats
+from cltrace.oracle.cylinders import Cylinders
 from cltrace.oracle.rays import Ids, along, at_point
-from cltrace.oracle.search import Kinds
-from cltrace.oracle.shapes import KINDS
-from cltrace.oracle.spheres import array_of
+from cltrace.oracle.search import Kind, Kinds
+from cltrace.oracle.spheres import Spheres, array_of
 from cltrace.oracle.triangles import Triangles
-from cltrace.reference.any_rays import first_hits
+from cltrace.reference.ways import first_hits
 from cltrace.scene import Geometry, Scene
+
+# The table of shapes.
+KINDS: tuple[type[Kind], ...] = (Triangles, Spheres, Cylinders)
 
 
 class Answer(NamedTuple):

@@ -20,7 +20,7 @@ the files in this order:
     records.py     what is decided on the way: Illumination, Shading, Sight; Pixel, which sums up what rays see
     trace.py       the algorithm: primary_ray, closest_hit, intersection_at, cast_shadow_ray, illuminate, shade,
                    follow, trace
-    ways.py        all that is on a ray's way, for explanations
+    ways.py        all that is on a ray's way, for explanations, and what any rays of the world meet
 
 That is a complete ray tracer. It takes any ray: from any point, over any range of t, from outside and from inside.
 Doubles decide where they are sure, by bounds of their errors that are derived beside the formulas. Where they are not,

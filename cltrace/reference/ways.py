@@ -1,16 +1,24 @@
-"""All that is on a ray's way, not the first alone: for those who ask why."""
+"""What is on the ways of rays: all of it, for those who ask why, and what any rays of the world meet first."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from cltrace.base.arithmetic import Floats
 from cltrace.reference.lights import ShadowRay
 from cltrace.reference.rays import Ray
 from cltrace.reference.records import Illumination
 from cltrace.reference.surfaces import Intersection, Surface, first_met
-from cltrace.reference.world import World
+from cltrace.reference.trace import closest_hit
+from cltrace.reference.vectors import Direction, Point
+from cltrace.reference.world import World, world_of
+from cltrace.scene import Camera, Scene
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,3 +71,43 @@ def behind(world: World, at: Intersection, of: Illumination) -> Meeting | None:
     ray = Ray(at.start, of.w)
     met = first_met(_parts(world, ray), ray)
     return Meeting(met[1], met[0]) if met else None
+
+
+# Its camera space is the world.
+WORLD = Camera((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0), 45.0, (1, 1))
+
+
+class FirstHits(NamedTuple):
+    """Of n rays, as of cltrace.trace_rays()."""
+
+    id: NDArray[np.int32]
+    primitive: NDArray[np.int32]
+    t: Floats
+    point: Floats
+    normal: Floats
+    uv: Floats
+
+
+def first_hits(
+    scene: Scene,
+    origins: Floats,
+    directions: Floats,
+    t_min: Floats,
+    t_max: Floats,
+) -> FirstHits:
+    """What each ray meets first at t_min < t < t_max, exactly, in milliseconds a ray. All arguments have n rows."""
+    world, n = world_of(scene.seen_by(WORLD)), len(origins)
+    found = FirstHits(
+        np.full(n, -1, np.int32),
+        np.full(n, -1, np.int32),
+        np.full(n, np.inf),
+        np.full((n, 3), np.nan),
+        np.zeros((n, 3)),
+        np.zeros((n, 2)),
+    )
+    for i, (o, d) in enumerate(zip(origins.tolist(), directions.tolist(), strict=True)):
+        at = closest_hit(world, Ray(Point(*o), Direction(*d), float(t_min[i]), float(t_max[i])))
+        if at:
+            found.id[i], found.primitive[i], found.t[i] = at.index, at.primitive, at.t
+            found.point[i], found.normal[i], found.uv[i] = tuple(at.point), tuple(at.normal), at.uv
+    return found

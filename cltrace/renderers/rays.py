@@ -13,7 +13,7 @@ from cltrace.base.arithmetic import Floats
 from cltrace.base.errors import DeviceError
 from cltrace.oracle.rays import Ids
 from cltrace.oracle.scenes import closest_item, kinds_of
-from cltrace.reference.any_rays import FirstHits, first_hits
+from cltrace.reference.ways import FirstHits, first_hits
 from cltrace.renderers.surface_points import Rays, Spots, spots_of
 from cltrace.run.devices import choose
 from cltrace.run.rays import RayTracer
