@@ -145,18 +145,25 @@ def stack_needed(tree: BoxTree, node: int = 0) -> int:
     return len(below) - 1 + max(below) if below else 0
 
 
-def build(scene: Balls) -> BoxTree:
-    return build_tree(scene)
+def test_a_tree_of_spheres(case: Balls) -> None:
+    """Every sphere is in one slot, and below one child of the root; missing children are empty.
 
-
-def test_every_sphere_is_in_one_slot(case: Balls) -> None:
-    tree = build(case)
+    One level more than the number of spheres asks for is for a root that joins trees of large and small ones.
+    """
+    tree, everything = build_tree(case), list(range(len(case.outer)))
     index = tree.block["index"]
-    assert sorted(index[index >= 0].tolist()) == list(range(len(case.outer)))
+    assert sorted(index[index >= 0].tolist()) == everything
     assert (tree.block["outer"][index < 0] == -1).all()
     below = spheres_below(tree)
     found = np.concatenate([np.zeros(0, np.int32), *(below[0, slot] for slot, _ in children(tree, 0))])
-    assert sorted(found.tolist()) == list(range(len(case.outer)))
+    assert sorted(found.tolist()) == everything
+    missing = ~(tree.node["low_x"] <= tree.node["high_x"])
+    for axis in "xyz":
+        assert (tree.node[f"low_{axis}"][missing] == np.inf).all()
+        assert (tree.node[f"high_{axis}"][missing] == -np.inf).all()
+    assert (tree.node["child"][missing] == 0).all()
+    assert stack_needed(tree) <= 7 * (levels(len(case.outer)) + 1)
+    assert 7 * (levels(2**26) + 1) <= STACK
 
 
 def test_members_alone_are_entered() -> None:
@@ -167,7 +174,7 @@ def test_members_alone_are_entered() -> None:
 
 def test_boxes_hold_what_is_below_them(case: Balls) -> None:
     """In exact arithmetic: the sum of two_sum()'s two numbers is not rounded."""
-    tree = build(case)
+    tree = build_tree(case)
     for (node, slot), index in spheres_below(tree).items():
         low, high = sides(tree, node, slot)
         for j in range(3):
@@ -181,7 +188,7 @@ def test_boxes_hold_what_is_below_them(case: Balls) -> None:
 def test_boxes_are_tight() -> None:
     """To an ulp of float32, and so a tree is worth its walk."""
     scene = CASES["5000"]
-    tree = build(scene)
+    tree = build_tree(scene)
     for (node, slot), index in spheres_below(tree).items():
         low, high = sides(tree, node, slot)
         c, r = scene.center[index], scene.outer[index, None]
@@ -189,18 +196,9 @@ def test_boxes_are_tight() -> None:
         assert (np.abs((c + r).max(axis=0) - high) <= 2.0**-22).all()
 
 
-def test_missing_children_are_empty(case: Balls) -> None:
-    tree = build(case)
-    missing = ~(tree.node["low_x"] <= tree.node["high_x"])
-    for axis in "xyz":
-        assert (tree.node[f"low_{axis}"][missing] == np.inf).all()
-        assert (tree.node[f"high_{axis}"][missing] == -np.inf).all()
-    assert (tree.node["child"][missing] == 0).all()
-
-
 def test_blocks_hold_the_surfaces(case: Balls) -> None:
     """Between outer and inner, as float32 numbers and wider by what was asked for."""
-    block = build(case).block
+    block = build_tree(case).block
     index = block["index"][block["index"] >= 0]
     row = {name: block[name][block["index"] >= 0] for name in ("x", "y", "z", "outer", "inner")}
     for j, axis in enumerate("xyz"):
@@ -217,12 +215,6 @@ def levels(n: int) -> int:
     return max(1, -(-max(-(-n // 8) - 1, 0).bit_length() // 3))
 
 
-def test_the_stack_is_large_enough(case: Balls) -> None:
-    """One level more than the number of spheres asks for is for a root that joins trees of large and small ones."""
-    assert stack_needed(build(case)) <= 7 * (levels(len(case.outer)) + 1)
-    assert 7 * (levels(2**26) + 1) <= STACK
-
-
 @pytest.mark.parametrize("n", [1, 8, 9, 64, 65, 511, 512, 513, 4096, 4097, 32768, 32769])
 def test_levels(n: int) -> None:
     """Spheres of like size are in one tree."""
@@ -230,7 +222,7 @@ def test_levels(n: int) -> None:
     def height(node: int) -> int:
         return 1 + max(height(child) if child >= 0 else 0 for _, child in children(tree, node))
 
-    tree = build(cloud(n))
+    tree = build_tree(cloud(n))
     assert height(0) == levels(n)
 
 
@@ -249,7 +241,7 @@ def test_boxes_are_small() -> None:
     """
     n = 8**5
     scene = cloud(n)
-    tree = build(scene)
+    tree = build_tree(scene)
     per_node = 8
     for level in range(1, levels(n) + 1):
         nodes = tree.node[: sum(8**k for k in range(levels(n) - level + 1))][-(8 ** (levels(n) - level)) :]
@@ -274,26 +266,12 @@ def test_halves_are_apart(places: int) -> None:
 def test_large_spheres_are_apart_from_small_ones() -> None:
     """Else the boxes above a large one would all be as large, and a ray would look at many small ones near those."""
     scene = CASES["ground"]
-    tree = build(scene)
+    tree = build_tree(scene)
     huge = len(scene.outer) - 1
     index = tree.block["index"][(tree.block["index"] == huge).any(axis=1)]
     assert index[index >= 0].tolist() == [huge]
     sizes = tree.node["high_x"] - tree.node["low_x"]
     assert (sizes > 0.01).sum() == 1
-
-
-@pytest.mark.parametrize("name", ["box", "equal", "line"])
-def test_many(name: str) -> None:
-    n = 100_000
-    scene = {
-        "box": lambda: cloud(n),
-        "equal": lambda: balls(np.full((n, 3), 0.1)),
-        "line": lambda: balls(np.linspace(-1, 1, n)[:, None] * np.array([0, 1, 0]), 1e-5),
-    }[name]()
-    tree = build(scene)
-    index = tree.block["index"]
-    np.testing.assert_array_equal(np.sort(index[index >= 0]), np.arange(n))
-    assert stack_needed(tree) <= 7 * levels(n)
 
 
 def reached(tree: BoxTree, origin: Floats, d: Floats, reach: float) -> set[int]:
@@ -358,7 +336,7 @@ def aimed(scene: Balls, n: int, seed: int) -> Iterator[tuple[int, Floats, Floats
 )
 def test_a_ray_gets_to_what_it_meets(name: str) -> None:
     scene, met = CASES[name], 0
-    tree = build(scene)
+    tree = build_tree(scene)
     for i, origin, d, t in aimed(scene, 400, 11):
         assert i in reached(tree, origin, d, np.nextafter(f32(t), f32(np.inf)) * f32(1 + 2.0**-20))
         met += 1
@@ -367,7 +345,7 @@ def test_a_ray_gets_to_what_it_meets(name: str) -> None:
 
 def test_a_ray_is_spared_most_of_the_tree() -> None:
     scene = CASES["5000"]
-    tree = build(scene)
+    tree = build_tree(scene)
     counts = [len(reached(tree, origin, d, t)) for _, origin, d, t in aimed(scene, 200, 12)]
     assert np.mean(counts) < 5000 / 20
 
