@@ -1,4 +1,4 @@
-/* cells.cl: which surfaces a ray from a fixed point can meet at all. cltrace/plan/accel/cells.py says what a grid is,
+/* cells.cl: which surfaces a ray from a fixed point can meet at all. cltrace/plan/accel/grids.py says what a grid is,
  * and makes the grids.
  */
 

@@ -1,4 +1,4 @@
-/* tree.cl: the nearest surface along rays that leave a surface, by a tree of boxes. cltrace/plan/accel/bvh.py makes
+/* tree.cl: the nearest surface along rays that leave a surface, by a tree of boxes. cltrace/plan/accel/tree.py makes
  * it.
  *
  * The rays walk the tree in float32: those of a packet together as long as they go the same way, else one at a time
@@ -83,7 +83,7 @@ static int leaves_of(const Scene *scene) {
 
 /* What is still to be visited, each with the distance at which it is entered in the upper half: that is a float of
  * at least 0, so the numbers are in the order of these distances. Each level of the tree adds 7 at most, and there
- * are no more than 9: see build_tree() in cltrace/plan/accel/bvh.py. */
+ * are no more than 9: see build_tree() in cltrace/plan/accel/tree.py. */
 #define STACK 64
 typedef struct {
     int top;

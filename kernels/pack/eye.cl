@@ -1,5 +1,5 @@
 /* eye.cl: spheres as the eye sees them: the kernel's buffers, and which tiles they cover, in one pass over memory. This
- * is what cltrace/plan/space.py, shapes/sphere.py, culling.py and accel/silhouettes.py make, with the same arithmetic.
+ * is what cltrace/plan/shapes/sphere.py and accel/silhouettes.py make, with the same arithmetic.
  */
 
 /* See accel/silhouettes.py. */

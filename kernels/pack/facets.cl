@@ -1,5 +1,5 @@
 /* facets.cl: the planes of triangles' edges, and their own, as the eye or a light sees them: from_point() and
- * along_light() of cltrace/plan/shapes/triangle.py, where they are derived, with the same arithmetic in the same order.
+ * along_light() of cltrace/plan/shapes/mesh.py, where they are derived, with the same arithmetic in the same order.
  */
 
 /* What a corner in camera space is off by, and the planes with it. */

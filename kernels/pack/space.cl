@@ -1,4 +1,4 @@
-/* space.cl: spheres as the eye and the lights at points see them: cltrace/plan/space.py, shapes/sphere.py, culling.py.
+/* space.cl: spheres as the eye and the lights at points see them: cltrace/plan/shapes/sphere.py.
  *
  * `seen` holds four columns of `pitch` doubles each: the centre as seen from the eye or from a light, along the
  * camera's axes, and |centre|^2 - radius^2; in the float buffers' unit. out2 and out4, of the host, are the types of

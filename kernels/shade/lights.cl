@@ -13,7 +13,7 @@ typedef struct {
     Shade3 diffuse; /* kd C */
     SHADE ks, exponent;
     INT texel;   /* WITH_SAMPLES, where the colour is in memory, -1 without a texture */
-    MASK uneven; /* WITH_SAMPLES, whether it is in a square of texels that differ by much, see plan/textures.py */
+    MASK uneven; /* WITH_SAMPLES, whether it is in a square of texels that differ by much, see plan/materials.py */
     MASK matte;  /* WITH_PLANES, whether it is a cap with a material of its own */
 } Intersection;
 

@@ -147,7 +147,7 @@ static LONG slack_of(const REAL parts, const real roundings) {
 }
 
 /* Which lanes' branches are dropped: those that add `faint` to no sum. Their weights are as if something of the scene's
- * greatest brightness filled all that they see; it is that even after rounding, see plan/dropping.py. depth: of the
+ * greatest brightness filled all that they see; it is that even after rounding, see plan/materials.py. depth: of the
  * rays that branch, so that 2^(bounces + 1 - depth) - 1 rays follow in each branch. */
 static MASK drop(const Scene *scene, const MASK branches, const REAL weight, const real faint, const int depth,
                  Sum3 *slack, Work *work) {
@@ -293,7 +293,7 @@ static Gathered gather(const Frame frame, const Scene *scene, const Real3 d, Int
 }
 
 /* Which lanes' outputs might be others with what was dropped. Bytes and floats never fall as a sum grows. Of means over
- * pixels samples may lack a part of a level, see plan/dropping.py. */
+ * pixels samples may lack a part of a level, see plan/materials.py. */
 static MASK unproven(const Frame frame, const Gathered all, const Shade3 color) {
     if (!HAS(WITH_DROPPING)) return 0;
     if (HAS(WITH_SAMPLES)) {

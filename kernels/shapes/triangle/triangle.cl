@@ -145,7 +145,7 @@ static __attribute__((always_inline)) Triangle triangles_of(const Spheres sphere
  * From the eye, d = (x, y, -1): numbers and d are rounded once, and three roundings follow, so with e = 2^-24 a volume
  * is off by less than 5.01 e (X |n.x| + Y |n.y| + |n.z|), X and Y being the largest |x| and |y| of the picture; from a
  * light, with any w, by less than 5.01 e |n| |w|, and sqrt(w.w) is right to 4 e. [FACET_ROUNDINGS = 6] See
- * plan/shapes/triangle.py. */
+ * plan/shapes/mesh.py. */
 typedef struct {
     MASK open, inside; /* whether all three volumes may be positive, and whether they surely are */
 } Sides;
