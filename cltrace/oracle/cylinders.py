@@ -16,10 +16,10 @@ from functools import cached_property
 
 import numpy as np
 
-from cltrace.base.arithmetic import Floats, Triple, cross, dot, minus, two_sum
+from cltrace.base.arithmetic import Floats, cross, dot, minus, two_sum
 from cltrace.exact.fine import Fine, select
 from cltrace.exact.shapes import ExactCylinder
-from cltrace.oracle.rays import Ids, Rays, Rough, moderate
+from cltrace.oracle.rays import Ids, Rays, moderate
 from cltrace.oracle.search import Bools, Hits, Kind, near_balls
 from cltrace.scene import Scene
 
@@ -61,17 +61,6 @@ class Cylinders(Kind):
         middle, outer = self.balls
         return float(np.abs(middle).max(initial=0) + outer.max(initial=0))
 
-    def round_part(self, rough: Rough, item: Ids, f: Triple[Fine], u: Triple[Fine]) -> tuple[Fine, Fine, Fine, Fine]:
-        """a, b, c and D of what goes round the axis."""
-        w, r, uu = rough.way, Fine.of(self.radii[item]), dot(u, u)
-        F, G, X = cross(f, u), cross(w, u), cross(f, w)
-        a, b, c, V = dot(G, G), dot(F, G), dot(F, F) - r * r * uu, dot(u, X)
-        return a, b, c, uu * (a * r * r - V * V)
-
-    def depth(self, item: Ids) -> Ids:
-        """(k,): 1, or 0 where the second plane is the first one."""
-        return np.ones(len(item), np.int64)
-
     def hits(self, rays: Rays, ray: Ids, item: Ids) -> Hits:
         """By four t with bounds: those of the planes, and those of the endless cylinder."""
         assert rays.rough is not None
@@ -82,8 +71,12 @@ class Cylinders(Kind):
         )
         u = tuple(Fine(*two_sum(self.ends[item, i], -self.starts[item, i]), zero) for i in range(3))
         g, h = dot(rough.way, u), dot(f, u)
-        k = h + dot(u, u) * Fine.of(self.depth(item).astype(float))
-        a, b, c, D = self.round_part(rough, item, f=f, u=u)
+        w, r, uu = rough.way, Fine.of(self.radii[item]), dot(u, u)
+        F, G, X = cross(f, u), cross(w, u), cross(f, w)
+        k, V = h + uu, dot(u, X)
+        # D is u.u times that of the distance from the axis, which does not cancel as b^2 - a c does.
+        a, b, c = dot(G, G), dot(F, G), dot(F, F) - r * r * uu
+        D = uu * (a * r * r - V * V)
         root = Fine(np.maximum(D.h, 0), np.where(D.h > 0, D.l, 0), D.error).root()
         ahead = b.h > 0
         q = select(ahead, b, -b) + root
