@@ -196,8 +196,8 @@ INLINE FLOAT area_of(const FLOAT *x, const FLOAT *y) {
     return fabs((x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])) / 2;
 }
 
-/* Where polygons are entered. pixels: in the side of a cell of the picture, 0 for a light's window; level: of cells, < 0
- * where nothing is to be entered.
+/* Where polygons are entered. pixels: in the side of a cell of the picture, 0 for a light's window; level: of cells,
+ * less than 0 where nothing is to be entered.
  * A light's: axis: for each axis where the window begins, where it ends, what leads to cells, and the last cell; slack:
  * relative to an edge; loose: what edges are off by beside that; furthest: where the last ray ends; low, scale: lead
  * from the plane to cells; off: what cells are off by. A picture's: axis: the first pixel of each axis, and the one

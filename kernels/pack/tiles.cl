@@ -71,8 +71,8 @@ INLINE void store_covers(const Run across, const Run down, __global short *cover
     store_short(down.more, covers + 3L * pitch);
 }
 
-/* A sphere as a light at a point sees it, along the axes of the cube around the light: its centre, and the radius; size:
- * how far from the light along each axis. */
+/* A sphere as a light at a point sees it, along the axes of the cube around the light: its centre, and the radius.
+ * size: how far from the light along each axis. */
 typedef struct {
     REAL c[3], size[3], r, distance;
 } OnCube;
@@ -221,8 +221,9 @@ INLINE Run cells_of(const REAL low, const REAL high, const double4 axis, const d
     return run;
 }
 
-/* The cells of a window that discs cover. x_axis, y_axis: see cells_of(); furthest: a depth beyond which nothing matters. For each work-item, three numbers: how many spheres are
- * entered, how many cells of level 0 they cover, and how many of them are in no grid of this light before. */
+/* The cells of a window that discs cover. x_axis, y_axis: see cells_of(); furthest: a depth beyond which nothing
+ * matters. For each work-item, three numbers: how many spheres are entered, how many cells of level 0 they cover, and
+ * how many of them are in no grid of this light before. */
 __kernel void place(const int n, const int pitch, const double4 x_axis, const double4 y_axis, const double slack,
                     const float furthest, __global const double *restrict edges,
                     __global char *restrict flags, __global short *restrict covers, __global float *restrict near,

@@ -331,8 +331,9 @@ def axes_towards(direction: Floats) -> Floats:
 
 
 @pytest.mark.parametrize("make", SCENES)
-@pytest.mark.parametrize("slack", [SLACK, FINE_SLACK], ids=["single", "accurate"])
-@pytest.mark.parametrize("spare", [-300, grids.SPARE], ids=["levels", "level 0"])
+@pytest.mark.parametrize(
+    ("slack", "spare"), [(SLACK, -300), (FINE_SLACK, grids.SPARE)], ids=["single, levels", "accurate, level 0"]
+)
 @pytest.mark.parametrize(
     "light",
     [(0.0, 0.0, 0.0), (0.1, 0.05, -0.6), (3.0, 5, 2)],
