@@ -1,428 +1,368 @@
-"""Mistakes that the ordinary tests must find: `python tests/mutations.py [--device SPEC] [WORD ...]`.
+"""Mistakes that the tests must find: `python tests/mutations.py [--check] [--device SPEC] [WORD ...]`.
 
-Each is a piece of text, what to put in its place, what that breaks, and the tests that should notice. The text is
-looked for in the kernels and in the package, wherever it stands and however its lines are broken, and must be there
-once. Each mistake is made in a scratch copy of the repository, and only those tests run there. Prints what was caught
-and what survived; the exit status is 1 if anything survived. WORD: only those mistakes whose text or meaning contains
-one of these words.
+Makes one mutation after the other, each in a process of its own (see tests/mutate.py), runs the tests that should
+fail, and prints what was caught and what survived. The exit status is 1 if anything survived. WORD: only mutations
+whose name, target or tests contain one of these words. --check: only whether each mutation has something to mutate.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-import re
-import shutil
+import shlex
 import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from mutate import DOES_NOT_BUILD, VARIABLE, Kernel, Python
 
 ROOT = Path(__file__).parent.parent
+STRESS, BOUNCES = "tests/kernels/test_stress.py", "tests/kernels/test_bounces.py"
+SAMPLES, CYLINDERS = (
+    "tests/kernels/test_samples.py -k exact_rays",
+    "tests/kernels/test_cylinders.py -k hostile_pictures",
+)
+CLIPPED, PRECISION = "tests/kernels/test_clipped_pictures.py", "tests/kernels/test_precision.py"
+CONSISTENT = "tests/kernels/test_consistency.py -k 'agrees_with_the_reference and accurate'"
+MESH_RAYS, LISTS = "tests/rays/test_rays.py -k hostile_meshes", "tests/plan/test_lists.py"
 
 
-class Mutation(NamedTuple):
-    """text: as it stands; other: what replaces it; what: what that breaks; tests: arguments of pytest, in words."""
-
-    text: str
-    other: str
-    what: str
-    tests: str
+def last_of_ties(first_of: Callable[..., Any], kinds: Any, rays: Any, ray: int, items: Sequence[int]) -> Any:
+    """Of equally near surfaces the one of the highest number."""
+    first = first_of(kinds, rays, ray, items)
+    roots = [(item, kinds.root(rays, ray, item)) for item in sorted(items, reverse=True)]
+    return first and next((item, root) for item, root in roots if root is not None and not first[1] < root)
 
 
-# Chosen from 287 by what each mistake would do to a user: a wrong picture, a wrong answer, a lost file, an open door.
-MUTATIONS = [
-    Mutation(".max) / 2)", ".max))", "colours that overflow", "tests/kernels/test_hostile.py -k overflow"),
-    Mutation(
-        "(error > 0) & (away > ROUNDING)",
-        "error > 1",
-        "bytes off by a level",
-        "tests/students/test_check.py -k next_one",
+def one_file_for_two(targets_of: Callable[..., Any], scene: Any, options: Any, *more: Any) -> Any:
+    different = {os.path.realpath(name): name for name in options.output or ()}
+    return targets_of(scene, replace(options, output=list(different.values()) or None), *more)
+
+
+async def any_host(guarded: Callable[..., Any], server: Any, request: Any, handler: Callable[[Any], Any]) -> Any:
+    own, host = f"localhost:{server.port}", request.headers.get("Host", "no host")
+    headers = {name: value.replace(host, own) for name, value in request.headers.items()}
+    claimed = SimpleNamespace(headers=headers, path=request.path, match_info=request.match_info)
+    return await guarded(server, claimed, lambda _: handler(request))
+
+
+async def any_token(guarded: Callable[..., Any], server: Any, request: Any, handler: Callable[[Any], Any]) -> Any:
+    claimed = SimpleNamespace(headers=request.headers, path=request.path, match_info={"token": server._token})
+    return await guarded(server, claimed, lambda _: handler(request))
+
+
+# Chosen from 289 by what each mistake would do to a user: a wrong picture, a wrong answer, a lost file, an open door.
+MUTATIONS = {
+    # ------------------------------------------------------------------------------------------------ scenes and plans
+    "colours overflow": Python(
+        "plan.materials:finite32",
+        lambda original, value: 2 * original(value / 2),
+        "tests/kernels/test_hostile.py -k overflow",
     ),
-    Mutation(
-        "s, r + sqrt(power) * h)",
-        "s, r)",
-        "only spheres at a pixel's middle are in it",
-        "tests/kernels/test_samples.py -k exact_rays",
+    "rotations turn the other way": Python(
+        "formats.surfaces:_turn",
+        lambda original, tag, degrees: original(tag, -degrees),
+        "tests/formats/test_reader.py -k transforms_fold",
     ),
-    Mutation(
-        "mixed = mixed | may_show_another(",
-        "mixed = mixed & may_show_another(",
-        "pixels' corners are all that is asked",
-        "tests/kernels/test_samples.py -k exact_rays",
+    "paths lead out of the scene's folder": Python(
+        "formats.schema:relative_path",
+        lambda original, text: text if ".." in text.split("/") else original(text),
+        "tests/formats/test_reader.py tests/formats/test_scene_files.py",
     ),
-    Mutation(
-        "ANY(may) && !are_beside(lamp",
-        "0 && !are_beside(lamp",
-        "what may stop rays from triangles",
-        "tests/run/test_unstoppable.py",
-    ),
-    Mutation(
-        "hit = (D >= 0) & (t > 0)",
-        "hit = (D > 0) & (t > 0)",
-        "tangents of discs",
-        "tests/kernels/test_orthographic.py -k touch",
-    ),
-    Mutation(
-        "middle=grid.middle - grid.axes[:2] @ self.shift",
-        "middle=grid.middle",
-        "lists of other cameras",
+    "lists of parallel lights stay where the camera was": Python(
+        "plan.lights:Move.grid",
+        lambda original, move, grid: original(move._replace(shift=0 * move.shift), grid),
         "tests/run/test_other_cameras.py",
     ),
-    Mutation(
-        "found.flat = found.out ? in_near : in_far;",
-        "found.flat = in_near;",
-        "cylinders from inside",
-        "tests/kernels/test_cylinders.py -k hostile_pictures",
+    "filters of parallel rays have no slack": Python(
+        "plan.shapes.sphere:disc_filter",
+        lambda original, u, v, radius, *loose: original(0 * u, 0 * v, radius * (1 - 2.0**-21), 0.0),
+        LISTS,
     ),
-    Mutation(
-        "sign_from(e.D, by.D)",
-        "sign_from(e.D, 0)",
-        "when doubles are sure that a ray passes a cylinder",
-        "tests/kernels/test_cylinders.py -k hostile_pictures",
+    "spheres are not listed if their centre is out of view": Python(
+        "plan.accel.silhouettes:_beside",
+        lambda original, ends, radii, half: original(ends, 0 * radii, half),
+        LISTS,
     ),
-    Mutation(
-        "alone = asked & are_unclipped(scene, index), capped = planes >= 0;",
-        "alone = 0, capped = planes >= 0;",
-        "surfaces that planes do not clip",
-        "tests/kernels/test_clipped_pictures.py",
+    "of equal spheres the last one is kept": Python(
+        "plan.culling:repeated",
+        lambda original, center, radius, shape, number, by_place: original(center, radius, shape, -number, by_place),
+        "tests/plan/test_culling.py -k of_equal_spheres",
     ),
-    Mutation(
-        "closed->odd ^= here & TO_MASK(sign > 0)",
-        "closed->odd ^= here",
-        "what a clipped mesh contains",
-        "tests/kernels/test_clipped_pictures.py",
-    ),
-    Mutation(
-        "return stops & (!met | in_region(spheres, &way, asked, at.t, met, LIGHT_ERROR));",
-        "return stops;",
-        "light through what is clipped",
-        "tests/kernels/test_clipped_pictures.py",
-    ),
-    Mutation(
-        "hit = (e.discriminant >= 0) & (t > 0)",
-        "hit = (e.discriminant > 0) & (t > 0)",
-        "tangents",
-        "tests/kernels/test_stress.py",
-    ),
-    Mutation(
-        "bound = (bb + arr) * 0x1p-48",
-        "bound = (bb + arr) * 0",
-        "bound of doubt",
-        "tests/kernels/test_exact.py tests/kernels/test_stress.py",
-    ),
-    Mutation("e.by_b = e.by_b | (sphere.c <= 0);", "", "discriminant from inside", "tests/kernels/test_stress.py"),
-    Mutation(
-        "first = (sphere.c > 0) | behind;",
-        "first = (sphere.c > 0);",
-        "the root from inside",
-        "tests/kernels/test_stress.py",
-    ),
-    Mutation(
-        "at.from_center.z = s - e.v.z",
-        "at.from_center.z = s + e.v.z",
-        "the hit's point",
-        "tests/kernels/test_stress.py",
-    ),
-    Mutation(
-        "{p, fma(a, b, -p)}", "{p, 0}", "products of pairs", "tests/kernels/test_exact.py tests/kernels/test_stress.py"
-    ),
-    Mutation(
-        "REAL_MASK nearer = t < hit.t;", "REAL_MASK nearer = t > hit.t;", "the nearest", "tests/kernels/test_scenes.py"
-    ),
-    Mutation("(scene->id_of[index] < ids_of", "(scene->id_of[index] > ids_of", "ties", "tests/kernels/test_stress.py"),
-    Mutation(
-        "sign_root = s * t * sign_D", "sign_root = s * sign_D", "the order of two roots", "tests/kernels/test_exact.py"
-    ),
-    Mutation(
-        "REACH_SLACK (1.0f + (REAL",
-        "REACH_SLACK (0.875f + (REAL",
-        "the reach's slack",
-        "tests/kernels/test_stress.py tests/kernels/test_hostile.py",
-    ),
-    Mutation(
-        "return sphere_may_meet(b, line.a, s);",
-        "return sphere_may_meet(b, 1.0001f * line.a, s);",
-        "the filter's bound",
-        "tests/kernels/test_stress.py",
-    ),
-    Mutation(
-        "y = TO_REAL(size.y - 1 - 2 * row)",
-        "y = TO_REAL(size.y - 2 * row)",
-        "half a pixel",
-        "tests/kernels/test_stress.py",
-    ),
-    Mutation(
-        "far ? (enters & (b < a)) | leaves",
-        "far ? enters | leaves",
-        "what is beyond the light",
-        "tests/kernels/test_stress.py",
-    ),
-    Mutation(
-        "enters = (c > 0) & meets & ahead",
-        "enters = (c > 0) & meets",
-        "what is behind the point",
-        "tests/kernels/test_stress.py",
-    ),
-    Mutation(
-        "if (light_side < 0) return c > 0;",
-        "if (light_side < 0) return c < 0;",
-        "a light inside",
-        "tests/kernels/test_stress.py",
-    ),
-    Mutation(
-        "(self & (start.side < 0) & ((REAL)side > 0))",
-        "(self & ((REAL)side > 0))",
-        "own shadow",
-        "tests/kernels/test_stress.py",
-    ),
-    Mutation(
-        "at.start.side * direction.cosine > 0);",
-        "at.start.side * direction.cosine >= 0);",
-        "lights in the tangent plane",
-        "tests/kernels/test_stress.py",
-    ),
-    Mutation(
-        "may & sphere_may_meet(dot_float(ray.w32, s), ray.a, s)",
-        "may & sphere_may_meet(dot_float(ray.w32, s), 1.001f * ray.a, s)",
-        "point filter",
-        "tests/kernels/test_stress.py",
-    ),
-    Mutation(
-        "2 * dot * N.x - l.x + view.x",
-        "2 * dot * N.x - l.x - view.x",
-        "the mirrored ray",
-        "tests/kernels/test_consistency.py",
-    ),
-    Mutation(
-        "(exponent == 0 ? (SHADE)1 : (SHADE)0)", "(SHADE)0", "0 to the power of 0", "tests/kernels/test_stress.py"
-    ),
-    Mutation(
-        "-DOT(w, light.axis) >= light.axis.w * sqrt",
-        "-DOT(w, light.axis) >= sqrt",
-        "the cone",
-        "tests/kernels/test_consistency.py",
-    ),
-    Mutation(
-        "cosine_nl = min(max(dot, (SHADE)0), (SHADE)1)",
-        "cosine_nl = dot",
-        "n.l below 0",
-        "tests/kernels/test_precision.py",
-    ),
-    Mutation(
-        "clamped * (shade_t)255 + rounding",
-        "clamped * (shade_t)256 + rounding",
-        "levels",
-        "tests/kernels/test_consistency.py",
-    ),
-    Mutation(
-        "low < 1 ? low : (SHADE)1",
-        "low < 2 ? low : (SHADE)1",
-        "what is brighter than white",
-        "tests/kernels/test_stress.py",
-    ),
-    Mutation(
-        'reach = radius + CONSTANTS["DISC_ROUNDINGS"] * U * (np.abs(u) + np.abs(v) + radius) + loose',
-        "reach = radius",
-        "no slack in the filter",
-        "tests/plan/test_lists.py",
-    ),
-    Mutation("exact[2] < exact_r * (1 + SLACK)", "exact[2] < 0", "spheres beside the eye", "tests/plan/test_lists.py"),
-    Mutation(
-        "np.where(number[i] < number[j], j, i)",
-        "np.where(number[i] < number[j], i, j)",
-        "of equal spheres the last one shows",
-        "tests/plan/test_culling.py",
-    ),
-    Mutation(
-        '"WITH_SHADOWS": lit and (surfaces > 1 or',
-        '"WITH_SHADOWS": lit and (surfaces > 2 or',
-        "a flag",
+    "two surfaces have no shadows": Python(
+        "plan.plan:features",
+        lambda original, world, *more: original(world, *more) - ({"WITH_SHADOWS"} if len(world.id) <= 2 else set()),
         "tests/kernels/test_scenes.py tests/run/test_abi.py",
     ),
-    Mutation(
-        "cos * p[i] - sin * p[j], sin * p[i] + cos * p[j]",
-        "cos * p[i] + sin * p[j], cos * p[j] - sin * p[i]",
-        "the sense of turning",
-        "tests/formats/test_reader.py tests/kernels/test_scenes.py",
+    # ------------------------------------------------------------------------------- the exact engine and the reference
+    "an edge belongs to the other triangle, in the exact engine": Python(
+        "exact.lines:sign_along",
+        lambda original, w, v: original(w[::-1], v[::-1]),
+        "tests/exact/test_engine.py -k meshes",
     ),
-    Mutation(
-        "const REAL k = 2 * DOT(n, d);",
-        "const REAL k = 1.9999 * DOT(n, d);",
-        "the angle of reflection",
-        "tests/kernels/test_bounces.py",
+    "doubles at triangles have no bounds, in the reference": Python(
+        "reference.triangles:Rough.sign",
+        lambda original, rough: original(replace(rough, error=0.0)),
+        "tests/reference/test_reference_meshes.py",
     ),
-    Mutation(
-        "eta = side > 0 ? 1 / index : index",
-        "eta = side > 0 ? index : 1 / index",
-        "which side is glass",
-        "tests/kernels/test_bounces.py",
+    "single rays meet the last of equally near surfaces": Python(
+        "oracle.search:Kinds.first_of", last_of_ties, "tests/rays/test_rays.py -k hostile_rays"
     ),
-    Mutation("!same & (k < 0)", "!same & (k < -0x1p-28)", "the critical angle", "tests/kernels/test_bounces.py"),
-    Mutation(
-        "total ? rays.weight * (R + T)",
-        "total ? rays.weight * R",
-        "what total reflection adds",
-        "tests/kernels/test_bounces.py",
+    "check takes bytes off by one level for equal": Python(
+        "students.check:ROUNDING", lambda original: 1.0, "tests/students/test_check.py -k next_one"
     ),
-    Mutation(
-        "rays.depth > scene->bounces", "rays.depth >= scene->bounces", "the last depth", "tests/kernels/test_bounces.py"
+    # ------------------------------------------------------------------------------------------------ files and viewer
+    "16 bits are off by one": Python(
+        "picture.storing:levels16",
+        lambda original, *more: np.maximum(original(*more), 1) - 1,
+        "tests/picture/test_outputs.py -k 16_bits",
     ),
-    Mutation(
-        "next.inner = through ? !bounce.inside",
-        "next.inner = through ? bounce.inside",
-        "the new side",
-        "tests/kernels/test_bounces.py",
+    "strips do not end where packets do": Python(
+        "renderers.renderer:STEP", lambda original: 1, "tests/renderers/test_strips.py -k strips"
     ),
-    Mutation(
-        "(near <= far * (1 + 0x1p-20f)) &", "(near <= 0.999f * far) &", "boxes", "tests/kernels/test_ellipsoids.py"
+    "two names of one file are taken": Python(
+        "cli.files:targets_of", one_file_for_two, "tests/picture/test_outputs.py -k sense"
     ),
-    Mutation(
-        'text.startswith("/") or ".." in text.split("/")',
-        'text.startswith("/")',
-        "paths out of the folder",
-        "tests/formats/test_reader.py",
+    "the viewer answers other hosts": Python(
+        "viewer.server:Server._guarded", any_host, "tests/viewer/test_server.py -k hosts"
     ),
-    Mutation(
-        "const REAL_MASK split = (least < -v.E_error) & (most > v.E_error);",
-        "const REAL_MASK split = (least < 0) & (most > 0);",
-        "bounds of doubles at edges",
+    "the viewer answers without the token": Python(
+        "viewer.server:Server._guarded", any_token, "tests/viewer/test_server.py -k nothing_else"
+    ),
+    # ------------------------------------------------------------------------------------------ spheres, from the eye
+    "rays are half a pixel too high": Kernel(
+        "primary_ray", "return primary_ray(frame, size + (int2)(0, 1), column, row);", f"{STRESS} -k C4"
+    ),
+    "float32 rules out spheres that are met": Kernel(
+        "passes_filter",
+        "EyeLine longer = line; longer.a *= 1.0001f; return passes_filter(scene, longer, index);",
+        f"{STRESS} -k 'test_case or D2'",
+    ),
+    "rays that touch a sphere miss it": Kernel(
+        "quadratic",
+        "Quadratic e = CALL; e.discriminant = e.discriminant == 0 ? (REAL)-1 : e.discriminant; return e;",
+        "tests/kernels/test_exact.py -k touches",
+    ),
+    "parallel rays that touch a sphere miss it": Kernel(
+        "sphere_meet",
+        """Meeting at = CALL;
+        if (HAS(WITH_PARALLEL_RAYS)) at.t = at.from_center.z == 0 ? (REAL)INFINITY : at.t;
+        return at;""",
+        "tests/kernels/test_orthographic.py -k touch",
+    ),
+    "doubles decide discriminants near 0": Kernel(
+        "decide_quadratic",
+        "decide_quadratic(spheres, ray, sphere, bb * (real)0x1p-60f, arr * (real)0x1p-60f, e);",
+        f"tests/kernels/test_exact.py {STRESS}",
+    ),
+    "pairs of doubles are doubles": Kernel(
+        "two_product", "Pair p = CALL; p.lo = 0; return p;", f"tests/kernels/test_exact.py {STRESS}"
+    ),
+    "discriminants from inside have the wrong form": Kernel(
+        "quadratic",
+        """Quadratic e = CALL;
+        if (HAS(WITH_INSIDE)) e.by_b = e.by_b & (e.b * e.b < ray.a * (sphere.r * sphere.r));
+        return e;""",
+        f"{STRESS} -k 'I1 or I2 or I4'",
+    ),
+    "rays away from the centre miss the sphere around them": Kernel(
+        "sphere_meet",
+        """Meeting at = CALL;
+        at.t = ((sphere.c <= 0) & (DOT(sphere.center, ray.d) < 0)) ? (REAL)INFINITY : at.t;
+        return at;""",
+        f"{STRESS} -k 'I1 or I2 or I4'",
+    ),
+    "the hit's point is mirrored": Kernel("quadratic", "Quadratic e = CALL; e.v.z = -e.v.z; return e;", f"{STRESS}"),
+    "the furthest sphere is seen": Kernel(
+        "closer", "return !CALL;", "tests/kernels/test_scenes.py -k answers_of_the_kernel"
+    ),
+    "of equally near spheres the last one is seen": Kernel(
+        "sphere_comes_first",
+        "return sphere_comes_first(spheres, ray, A, B, !tie, wanted);",
+        f"{STRESS} -k 'R1 or R2 or R3'",
+    ),
+    "whole numbers do not know the order of two spheres": Kernel(
+        "order_of", "return 0;", "tests/kernels/test_exact.py"
+    ),
+    "lists end before the nearest surface": Kernel("REACH_SLACK", "0.875f", f"{STRESS} tests/kernels/test_hostile.py"),
+    # ------------------------------------------------------------------------------------------------ light and shadows
+    "what is beyond the light stops it": Kernel(
+        "stands_between", "return stands_between(f, w, c, r, 0, light_side);", f"{STRESS} -k L"
+    ),
+    "what is behind the point stops the light": Kernel(
+        "stands_between",
+        "const Real3 back = {-f.x, -f.y, -f.z}; return CALL | stands_between(back, w, c, r, 0, 1);",
+        f"{STRESS} -k L",
+    ),
+    "a light within a sphere shines out of it": Kernel(
+        "stands_between", "return light_side < 0 ? c < 0 : CALL;", f"{STRESS} -k L"
+    ),
+    "spheres stop the light on themselves": Kernel(
+        "sphere_shadow",
+        "Start inner = start; inner.side = -1; return sphere_shadow(scene, ray, inner, index, may, work);",
+        f"{STRESS} -k L",
+    ),
+    "lights in the tangent plane shine": Kernel(
+        "direction_to",
+        "Direction to = CALL; to.cosine = to.cosine == 0 ? start.side : to.cosine; return to;",
+        f"{STRESS} -k L",
+    ),
+    "float32 rules out shadows that fall": Kernel(
+        "sphere_filter_leaves",
+        "ShadowRay longer = ray; longer.a *= 1.001f; return sphere_filter_leaves(scene, longer, index, may);",
+        f"{STRESS} -k 'test_case or L'",
+    ),
+    "nothing stops light from triangles": Kernel("may_stop", "return 0;", "tests/run/test_unstoppable.py"),
+    "cones of light are too narrow": Kernel(
+        "reaches", "Light narrow = light; narrow.axis.w = 1; return reaches(narrow, kind, w);", CONSISTENT
+    ),
+    "highlights are of a ray that is not mirrored": Kernel(
+        "phong",
+        "lighting->view.x = -lighting->view.x; CALL; lighting->view.x = -lighting->view.x;",
+        CONSISTENT,
+    ),
+    "0 to the power of 0 is 0": Kernel("lobe", "return z > -1 ? CALL : (SHADE)0;", f"{STRESS} -k P"),
+    "light is subtracted where n.l is below 0": Kernel(
+        "phong",
+        """CALL;
+        const Shade3 N = {TO_SHADE(at.normal.x), TO_SHADE(at.normal.y), TO_SHADE(at.normal.z)};
+        const SHADE dot = TO_SHADE(at.start.side) * DOT(N, l);
+        const SHADE less = (TO_SHADE_MASK(lit) & (dot < 0)) ? dot * strength : (SHADE)0;
+        lighting->color.x += at.diffuse.x * less * light.color.x;""",
+        f"{PRECISION} -k grazing",
+    ),
+    "levels are of 256": Kernel("byte_of", "return byte_of(value * (shade_t)(256.0f / 255), rounding);", CONSISTENT),
+    "what is brighter than white overflows": Kernel(
+        "byte_of",
+        "return TO_MASK((value > 1) & (value < 2)) ? TO(uint, value * (shade_t)255 + rounding) : CALL;",
+        f"{STRESS} -k 'test_case or P'",
+    ),
+    # ------------------------------------------------------------------------------------------------ mirrors and glass
+    "the angle of reflection is another one": Kernel(
+        "mirrored",
+        """Real3 out = CALL;
+        const REAL k = (real)0x1p-13f * DOT(n, d);
+        out.x += k * n.x;
+        out.y += k * n.y;
+        out.z += k * n.z;
+        return out;""",
+        f"{BOUNCES} -k chain",
+    ),
+    "glass is on the other side": Kernel(
+        "refracted", "return refracted(d, n, side, 1 / index, spread);", f"{BOUNCES} -k ball_lens"
+    ),
+    "the critical angle is another one": Kernel(
+        "refracted",
+        """Refraction out = CALL;
+        out.total = refracted(d, n, side, index * (1 - (real)0x1p-28f), spread).total;
+        return out;""",
+        f"{BOUNCES} -k critical",
+    ),
+    "total reflection adds nothing": Kernel(
+        "bounce_at",
+        """Bounce bounce = CALL;
+        const REAL most = rays.weight * bounces_of(scene, rays.own).x;
+        bounce.mirrors = bounce.mirrors > most ? most : bounce.mirrors;
+        return bounce;""",
+        f"{BOUNCES} -k total_reflection",
+    ),
+    "the last depth is missing": Kernel(
+        "bounce_at",
+        "Branch deeper = rays; deeper.depth++; return bounce_at(scene, at, deeper, work);",
+        f"{BOUNCES} -k two",
+    ),
+    "rays stay on the side of glass that they leave": Kernel(
+        "go_on",
+        "Branch next = CALL; next.inner = bounce.mirrors > 0 ? next.inner : bounce.inside; return next;",
+        f"{BOUNCES} -k 'lens or glass'",
+    ),
+    "boxes of the tree are too small": Kernel(
+        "walker_of", "Walker walker = CALL; walker.to -= 0.01f; return walker;", "tests/rays/test_rays.py -k boxes"
+    ),
+    # ------------------------------------------------------------------------------------------------ other shapes
+    "cylinders have no ends from inside": Kernel(
+        "rod_verdict", "RodVerdict found = CALL; found.flat = found.flat & found.out; return found;", CYLINDERS
+    ),
+    "doubles are sure that a ray passes a cylinder": Kernel(
+        "signs_within", "RodSigns is = CALL; is.D = rod_sign(e.D); return is;", CYLINDERS
+    ),
+    "doubles at edges have no bounds": Kernel("volumes_of", "Volumes v = CALL; v.E_error = 0; return v;", MESH_RAYS),
+    "the third edge is elsewhere": Kernel(
+        "volumes_of", "Volumes v = CALL; v.EA = v.den - v.EB + v.EC; return v;", MESH_RAYS
+    ),
+    "an edge belongs to the other triangle": Kernel(
+        "whole_volume",
+        """const int sign = CALL;
+        return directed && sign == whole_volume(spheres, start, X, Y, Z, directed, -way) ? -sign : sign;""",
         "-m slow tests/kernels/test_mesh_rays.py -k pixels_show",
     ),
-    Mutation(
-        "v.EA = (v.den - v.EB) - v.EC;",
-        "v.EA = (v.den - v.EB) + v.EC;",
-        "the third edge",
-        "-m slow tests/kernels/test_mesh_rays.py -k pixels_show",
-    ),
-    Mutation(
-        "if (sign_of(&cross[i], n) != 0) return sign_of(&cross[i], n);",
-        "if (sign_of(&cross[2 - i], n) != 0) return sign_of(&cross[2 - i], n);",
-        "who owns an edge",
-        "-m slow tests/kernels/test_mesh_rays.py -k pixels_show",
-    ),
-    Mutation(
-        "is.side = at_point ? DOT(T.N, beyond) : is.v.D;",
-        "is.side = at_point ? -DOT(T.N, beyond) : is.v.D;",
-        "what is beyond the light, of triangles",
+    "triangles beyond the light stop it": Kernel(
+        "passing_of",
+        "Passing is = CALL; if (at_point) is.side = -is.side; return is;",
         "-m slow tests/kernels/test_mesh_rays.py -k lights_reach",
     ),
-    Mutation(
-        "return (w.a * a + w.b * b) + w.c * c;",
-        "return (w.b * a + w.a * b) + w.c * c;",
-        "normals between corners",
-        "-m slow tests/kernels/test_attributes.py",
+    "normals between corners are mixed up": Kernel(
+        "weighted", "return weighted(w, b, a, c);", "-m slow tests/kernels/test_attributes.py"
     ),
-    Mutation(
-        "return next((sign for x in (dot(v, w), *v) if (sign := x.sign())), 0)",
-        "return next((sign for x in (dot(v, w), *v[::-1]) if (sign := x.sign())), 0)",
-        "who owns an edge, in the reference",
-        "-m slow tests/oracle/test_mesh_oracle.py -k reference",
+    # ------------------------------------------------------------------------------------------------ clipping
+    "surfaces that planes do not clip are clipped": Kernel("are_unclipped", "return 0;", CLIPPED),
+    "a clipped mesh contains what is outside of it": Kernel(
+        "count_triangle",
+        """const INT before = closed->odd, bit = 1 << (scene->solid_of[index] - 1 - closed->first);
+        CALL;
+        closed->odd = before ^ (met & entry->here & bit);""",
+        CLIPPED,
     ),
-    Mutation(
-        "bound, den_error = 2.0**-44 * s * w1 * (triangle.g + triangle.h), 2.0**-46 * w1 * gh",
-        "bound, den_error = 0.0, 0.0",
-        "bounds of doubles at edges, in the reference",
-        "-m slow tests/oracle/test_mesh_oracle.py -k reference",
+    "what is clipped away stops light": Kernel("stops_in_region", "return stops;", CLIPPED),
+    # ------------------------------------------------------------------------------------------------ samples
+    "samples find only spheres at the middles of pixels": Kernel(
+        "margins_of", "Margins margins = CALL; margins.diagonal = 0; return margins;", SAMPLES
     ),
-    Mutation(
-        "met = met.at(np.lexsort((surfaces.rank[met.primitive], met.ray)))",
-        "met = met.at(np.lexsort((-surfaces.rank[met.primitive], met.ray)))",
-        "ties, of single rays",
-        "tests/rays/test_rays.py -k hostile_rays",
-    ),
-    Mutation("np.rint(values * 65535)", "np.rint(values * 65536 - 1)", "16 bits", "tests/picture/test_outputs.py"),
-    Mutation(
-        "rows = max(STEP, (last - first) // (2 * STEP) * STEP)",
-        "rows = (last - first) // 2",
-        "strips",
-        "tests/renderers/test_strips.py",
-    ),
-    Mutation(
-        "if any(target == other or os.path.realpath(target) == os.path.realpath(other) for other in targets[:i])",
-        "if False",
-        "one file for two",
-        "tests/picture/test_outputs.py",
-    ),
-    Mutation("if host not in hosts or (", "if (", "viewer: other hosts", "tests/viewer/test_server.py -k hosts"),
-    Mutation(
-        'not secrets.compare_digest(request.match_info.get("token", "").encode(), self._token.encode())',
-        "False",
-        "viewer: other tokens",
-        "tests/viewer/test_server.py -k nothing_else",
-    ),
-]
+    "samples look at nothing but the corners of pixels": Kernel("may_show_another", "return 0;", SAMPLES),
+}
 
 
-def copy_to(scratch: Path) -> None:
-    """The repository without what the tests do not need."""
-    for name in ("cltrace", "kernels", "scenes", "tests"):
-        shutil.copytree(ROOT / name, scratch / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for path in (*ROOT.glob("*.toml"), *ROOT.glob("*.md")):
-        shutil.copy(path, scratch)
-    (scratch / "cltrace" / "kernels").symlink_to("../kernels")
-
-
-def pattern_of(text: str) -> re.Pattern[str]:
-    """What finds the text, however its lines are broken."""
-    return re.compile(r"\s*".join(map(re.escape, re.findall(r"\w+|[^\w\s]", text))))
-
-
-def places(scratch: Path, text: str) -> list[Path]:
-    """The files that hold the text, each as often as it does."""
-    files = [*(scratch / "kernels").rglob("*.cl"), *(scratch / "cltrace").rglob("*.py")]
-    return [path for path in files for _ in pattern_of(text).findall(path.read_text("utf-8"))]
-
-
-def passes(scratch: Path, tests: Sequence[str], device: str | None) -> bool:
-    """Whether these tests pass in the scratch copy."""
-    command = [sys.executable, "-m", "pytest", "-qx", "-p", "no:cacheprovider", *tests]
+def passes(tests: str, device: str | None, name: str = "") -> bool:
+    """Whether these tests pass with the mutation of this name, or without any."""
+    command = [sys.executable, "-m", "pytest", "-qx", "-p", "mutate", "-p", "no:cacheprovider", *shlex.split(tests)]
     more = ["--device", device] if device else []
-    # From here the scratch copy is what `import cltrace` finds.
-    env = os.environ | {"PYTHONPATH": str(scratch), "PYTHONDONTWRITEBYTECODE": "1"}
-    done = subprocess.run([*command, *more], cwd=scratch, env=env, capture_output=True, text=True, check=False)
-    if done.returncode not in (0, 1) and done.returncode >= 0:  # a signal is as good as a failed test
-        raise SystemExit(f"pytest did not run: {done.stdout[-2000:]}{done.stderr[-2000:]}")
-    return done.returncode == 0
-
-
-def survives(scratch: Path, mutation: Mutation, device: str | None) -> bool:
-    """Whether the tests pass with the mistake in."""
-    (path,) = places(scratch, mutation.text)
-    before = path.read_text("utf-8")
-    path.write_text(pattern_of(mutation.text).sub(lambda _: mutation.other, before), "utf-8")
-    try:
-        return passes(scratch, mutation.tests.split(), device)
-    finally:
-        path.write_text(before, "utf-8")
+    env = os.environ | {VARIABLE: name, "PYTHONPATH": str(ROOT / "tests")}
+    done = subprocess.run([*command, *more], cwd=ROOT, env=env, capture_output=True, text=True, check=False)
+    if done.returncode == DOES_NOT_BUILD or done.returncode > 1:
+        raise SystemExit(f"pytest did not run with the mutation {name!r}: {done.stdout[-2000:]}{done.stderr[-2000:]}")
+    return done.returncode == 0  # a signal is as good as a failed test
 
 
 def main() -> int:
-    """Makes the mistakes, one after the other."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("words", nargs="*", metavar="WORD")
     parser.add_argument("--device", help="test on this device only")
+    parser.add_argument("--check", action="store_true", help="run no tests")
     args = parser.parse_args()
-    chosen = [m for m in MUTATIONS if not args.words or any(w in m.text or w in m.what for w in args.words)]
-    with tempfile.TemporaryDirectory() as folder:
-        scratch = Path(folder)
-        copy_to(scratch)
-        lost = [m.text for m in chosen if len(places(scratch, m.text)) != 1]
-        if lost:
-            raise SystemExit("\n".join(["must be there exactly once:", *lost]))
-        for tests in sorted({m.tests for m in chosen}):
-            if not passes(scratch, tests.split(), args.device):
-                raise SystemExit(f"the tests must pass without any mistake: {tests}")
-        survivors = 0
-        for mutation in chosen:
-            start = time.monotonic()
-            left = survives(scratch, mutation, args.device)
-            survivors += left
-            verdict = "SURVIVED" if left else "caught"
-            print(f"{verdict:8} {time.monotonic() - start:5.0f} s  {mutation.what}: {mutation.text[:60]!r}", flush=True)
+    chosen = {
+        name: mutation
+        for name, mutation in MUTATIONS.items()
+        if not args.words or any(word in f"{name} {mutation[0]} {mutation.tests}" for word in args.words)
+    }
+    if lost := [name for name, mutation in chosen.items() if not mutation.is_found()]:
+        raise SystemExit("\n".join(["these mutations have lost what they mutate:", *lost]))
+    if args.check:
+        return 0
+    for tests in sorted({mutation.tests for mutation in chosen.values()}):
+        if not passes(tests, args.device):
+            raise SystemExit(f"the tests must pass without any mutation: {tests}")
+    survivors = 0
+    for name, mutation in chosen.items():
+        start = time.monotonic()
+        left = passes(mutation.tests, args.device, name)
+        survivors += left
+        print(f"{'SURVIVED' if left else 'caught':8} {time.monotonic() - start:5.0f} s  {name}", flush=True)
     print(f"{len(chosen) - survivors} of {len(chosen)} caught")
     return 1 if survivors else 0
 

@@ -1,0 +1,139 @@
+"""Mutations of functions and macros, and the pytest plugin that makes one: `CLTRACE_MUTATION=NAME pytest -p mutate`.
+
+The names are those of tests/mutations.py. The folder of this file must be on PYTHONPATH.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import os
+import re
+from collections.abc import Callable
+from functools import partial
+from types import FunctionType
+from typing import Any, NamedTuple
+
+import pytest
+
+# Names the mutation, for the workers of xdist, too.
+VARIABLE = "CLTRACE_MUTATION"
+DOES_NOT_BUILD = 9
+
+
+class Python(NamedTuple):
+    """A function, method or constant of the package that behaves otherwise.
+
+    Attributes
+    ----------
+    target
+        "module:name" or "module:Class.method", without the package's name.
+    change
+        Called in place of a function, with the original one and its arguments, or with the original constant.
+    tests
+        Arguments of pytest, separated by spaces: the tests that should fail.
+    """
+
+    target: str
+    change: Callable[..., Any]
+    tests: str
+
+    def _place(self) -> tuple[Any, str]:
+        module, path = self.target.split(":")
+        *classes, name = path.split(".")
+        place: Any = importlib.import_module(f"cltrace.{module}")
+        for class_ in classes:
+            place = getattr(place, class_)
+        return place, name
+
+    def is_found(self) -> bool:
+        place, name = self._place()
+        return name in vars(place)
+
+    def make(self) -> None:
+        place, name = self._place()
+        replace(place, name, self.change)
+
+
+class Kernel(NamedTuple):
+    """A function or a macro of the kernels that behaves otherwise.
+
+    Attributes
+    ----------
+    name
+        The function or macro.
+    body
+        The body of the function that is called in its place, with the same parameters, where CALL stands for the call
+        of the original function; or what replaces the macro.
+    tests
+        Arguments of pytest, separated by spaces: the tests that should fail.
+    """
+
+    name: str
+    body: str
+    tests: str
+
+    def is_found(self) -> bool:
+        from cltrace.run import program, rays
+        from cltrace.run.pack import toolbox
+
+        programs = program.SOURCES, program.UNSTOPPABLE, rays.FILES, toolbox.FILES
+        return any(self.applied(text) != text for text in map(program.source, programs))
+
+    def make(self) -> None:
+        from cltrace.run import program
+
+        replace(program, "source", lambda original, *files: self.applied(original(*files)))
+
+    def applied(self, text: str) -> str:
+        """The text of a program with the mutation, the same text if the program does not have the target."""
+        function = re.compile(
+            rf"^(?P<type>\w[^\n{{}};]*?)\b{self.name}\((?P<parameters>[^{{}};]*)\) {{\n.*?^}}\n",
+            re.MULTILINE | re.DOTALL,
+        )
+        mutated = function.sub(self._wrapped, text)
+        if mutated != text:
+            return mutated
+        macro = re.compile(rf"^#define {self.name}\b(?:\\\n|.)*\n", re.MULTILINE)
+        return macro.sub(lambda found: f"{found[0]}#undef {self.name}\n#define {self.name} {self.body}\n", text)
+
+    def _wrapped(self, found: re.Match[str]) -> str:
+        """A definition, and after it the function that all later calls of that name go to."""
+        type_ = re.sub(r"__attribute__\(\(\w+\)\) ", "", found["type"])
+        names = ", ".join(re.findall(r"(\w+)\s*(?:,|$)", found["parameters"]))
+        body = self.body.replace("CALL", f"{self.name}({names})")
+        wrapper = f"{type_}mutated({found['parameters']}) {{ {body} }}\n#define {self.name}(...) mutated(__VA_ARGS__)\n"
+        return found[0] + wrapper
+
+
+def replace(place: Any, name: str, change: Callable[..., Any]) -> None:
+    """Replaces what a module or a class has by this name.
+
+    A function gets other code and stays the same object, so that every reference to it is mutated: in modules that have
+    imported it, in tables, in bound methods and in caches.
+    """
+    found = inspect.getattr_static(place, name)
+    function = inspect.unwrap(getattr(found, "__func__", found))
+    if not isinstance(function, FunctionType):
+        setattr(place, name, change(found))
+        return
+    original = FunctionType(function.__code__, function.__globals__, name, function.__defaults__, function.__closure__)
+    original.__kwdefaults__ = function.__kwdefaults__
+    function.__globals__["_mutated"] = partial(change, original)
+    function.__code__ = (lambda *args, **more: _mutated(*args, **more)).__code__  # type: ignore[name-defined] # noqa: F821
+    function.__defaults__ = function.__kwdefaults__ = None
+
+
+def pytest_configure() -> None:
+    from mutations import MUTATIONS
+
+    if name := os.environ.get(VARIABLE):
+        MUTATIONS[name].make()
+
+
+def pytest_exception_interact(call: pytest.CallInfo[Any]) -> None:
+    """A program that does not build says nothing about the tests."""
+    from cltrace.base.errors import BuildError
+
+    if call.excinfo and isinstance(call.excinfo.value, BuildError) and os.environ.get(VARIABLE):
+        pytest.exit(str(call.excinfo.value), DOES_NOT_BUILD)
