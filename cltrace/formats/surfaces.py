@@ -205,7 +205,7 @@ class CylinderReader(ShapeReader):
         if finish is not None:
             radius = np.array([values["radius"]])
             self.checks.doubt_sizes([element], radius, radius)
-            self._found.append((vector_of(values["start"]), vector_of(values["end"]), radius[0], 0, number))
+            self._found.append((vector_of(values["start"]), vector_of(values["end"]), radius[0], 0, number, 0))
         return finish
 
     def fields(self, materials: NDArray[np.integer[Any]]) -> dict[str, Any]:
