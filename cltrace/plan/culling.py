@@ -14,8 +14,6 @@ from cltrace.base.arrays import blockwise
 from cltrace.plan.accel.silhouettes import Discs
 from cltrace.plan.rounding import Array, Mask, squared_length
 
-# Of meshes with so many triangles, those at one corner in SOME are looked into first: see repeated_faces().
-MANY, SOME = 2**15, 64
 # An odd number without a pattern, for marks.
 ODD = np.uint64(0xD6E8FEB86659FD93)
 
@@ -62,24 +60,24 @@ def repeated_faces(vertex: Array, face: NDArray[np.int32]) -> NDArray[np.intp]:
     that starts elsewhere meets one of two such triangles without the other, at another t, or first, and one that starts
     on the earlier one is in the plane of both, and so meets neither. Whatever side, normals and material the later
     one has, no rule asks for them.
-
-    Of many triangles, first those are compared that have a corner among one in SOME vertices. If no two of these are
-    equal, few others are, if any, and few do not cost much.
     """
     if len(face) < 2:
         return np.zeros(0, np.intp)
     mark = np.concatenate(blockwise(len(vertex), lambda rows: _marks(vertex[rows])))
-    if len(face) >= MANY:
-        chosen = mark < np.uint64(2**64 // SOME)
-
-        def touches(rows: slice) -> Mask:
-            a, b, c = (chosen.take(face[rows, k]) for k in range(3))
-            return np.asarray(a | b | c)
-
-        some = np.flatnonzero(np.concatenate(blockwise(len(face), touches)))
-        if not len(_repeated_among(vertex, face, some, mark)):
-            return np.zeros(0, np.intp)
-    return _repeated_among(vertex, face, np.arange(len(face)), mark)
+    # What two triangles add up to is hardly ever the same if they are not equal. Only such are compared.
+    total = np.concatenate(blockwise(len(face), lambda rows: mark.take(face[rows]).sum(axis=1)))
+    twice = np.sort(total)
+    twice = twice[1:][twice[1:] == twice[:-1]]
+    if not len(twice):
+        return np.zeros(0, np.intp)
+    among = np.flatnonzero(np.isin(total, twice))
+    marks, corners = mark.take(face[among]), face[among]
+    by_mark = marks.argsort(axis=1)
+    marks, corners = (np.take_along_axis(one, by_mark, axis=1) for one in (marks, corners))
+    order = np.lexsort(marks.T)  # equal ones stay as they are
+    places = vertex.take(corners[order], axis=0)
+    again = (places[1:] == places[:-1]).all(axis=(1, 2))
+    return np.sort(among[order[1:][again]])
 
 
 def _marks(points: Array) -> NDArray[np.uint64]:
@@ -89,28 +87,6 @@ def _marks(points: Array) -> NDArray[np.uint64]:
         mark = (mark ^ (points[:, k] + 0.0).view(np.uint64)) * ODD
         mark ^= mark >> np.uint64(32)
     return mark * ODD
-
-
-def _repeated_among(
-    vertex: Array, face: NDArray[np.int32], some: NDArray[np.intp], mark: NDArray[np.uint64]
-) -> NDArray[np.intp]:
-    """repeated_faces() of those of `some`, rising numbers of triangles. mark: (v,), of the vertices."""
-    corners = face.take(some, axis=0)
-    marks = mark.take(corners)
-    # What two triangles add up to is hardly ever the same if they are not equal. Only such are compared.
-    total = marks.sum(axis=1)
-    sorted_total = np.sort(total)
-    twice = sorted_total[1:][sorted_total[1:] == sorted_total[:-1]]
-    if not len(twice):
-        return np.zeros(0, np.intp)
-    among = np.flatnonzero(np.isin(total, twice))
-    by_mark = marks[among].argsort(axis=1)
-    marks = np.take_along_axis(marks[among], by_mark, axis=1)
-    corners = np.take_along_axis(corners[among], by_mark, axis=1)
-    order = np.lexsort(marks.T)  # equal ones stay as they are
-    places = vertex.take(corners[order], axis=0)
-    again = (places[1:] == places[:-1]).all(axis=(1, 2))
-    return np.sort(some[among[order[1:][again]]])
 
 
 def point_shadows(discs: Discs, slack: float) -> Mask:

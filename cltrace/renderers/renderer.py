@@ -27,7 +27,7 @@ from cltrace.plan.view import CameraView
 from cltrace.plan.world import Before, ScenePacking
 from cltrace.run.devices import Device, check_process, choose, driver_errors
 from cltrace.run.executor import Executor, FrameBuffers, Made, bytes_a_pixel
-from cltrace.run.pack.packers import Packer, loading, packer_of
+from cltrace.run.pack.packers import Packer, packer_of
 from cltrace.run.trial import check_driver
 from cltrace.scene import AnyCamera, Scene, share_all_but_camera, with_spheres
 
@@ -272,9 +272,7 @@ class Renderer:
             )
         check_driver(at, settings.width)
         start = time.perf_counter()
-        wait = loading(scene, request, at)
         world = ScenePacking.of(scene, request)
-        wait()
         self._lock, self._now = threading.Lock(), _Prepared.of(settings, scene, request, world, start)
 
     def look(self, camera: AnyCamera) -> Renderer:

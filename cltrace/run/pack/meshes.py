@@ -8,16 +8,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from cltrace.base.errors import BuildError, DeviceError
 from cltrace.base.waiting import Announcement
-from cltrace.plan.abi import Precision
 from cltrace.plan.accel.grids import CellGrid
 from cltrace.plan.accel.silhouettes import Polygons
 from cltrace.plan.lights import AtPoint, Lamp, Move, Parallel, are_at_points, kinds
@@ -30,17 +27,11 @@ from cltrace.plan.world import ScenePacking
 from cltrace.run.devices import Device, driver_errors
 from cltrace.run.pack.lists import ListBuffers, ListWriter
 from cltrace.run.pack.polygons import PolygonSight
-from cltrace.run.pack.toolbox import Arguments, Toolbox, is_exact, kernel_of
+from cltrace.run.pack.toolbox import Arguments, Toolbox, is_exact
 from cltrace.scene import AnyCamera
 
 # In place of what a ray from the eye has, for a light at a point.
 AT_POINT = (-1.0, -1.0)
-
-
-def load(device: Device, precision: Precision) -> None:
-    """Loads the program that a MeshPacker needs first, if it can be loaded."""
-    with suppress(BuildError, DeviceError), driver_errors(device):
-        kernel_of(device, precision == "single", "facets")
 
 
 class MeshPacker:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
-from cltrace.plan.abi import Precision
 from cltrace.plan.request import Request
 from cltrace.plan.shapes.mesh import MeshPacking
 from cltrace.plan.view import CameraView
 from cltrace.plan.world import ScenePacking
 from cltrace.run.devices import Device
-from cltrace.scene import AnyCamera, Scene
+from cltrace.scene import AnyCamera
 
 if TYPE_CHECKING:
     from cltrace.run.pack.toolbox import Toolbox
@@ -60,25 +57,6 @@ class NumpyPacker:
     def view(self, world: ScenePacking, camera: AnyCamera, keep: bool = True) -> tuple[CameraView, dict[str, Any]]:
         """See Packer."""
         return CameraView.of(world, camera, self._request), {}
-
-
-def loading(scene: Scene, request: Request, device: Device) -> Callable[[], None]:
-    """Begins to load the program of packer_of() for a scene's meshes, and returns what waits until it is there.
-
-    A processor has nothing else to do for about a third of the time in which a world is made. What fails here fails
-    again where the program is needed.
-    """
-    if not 2 * scene.triangles > MANY or len(scene.columns) > MANY:
-        return lambda: None
-    thread = threading.Thread(target=_load, args=(device, request.precision))
-    thread.start()
-    return thread.join
-
-
-def _load(device: Device, precision: Precision) -> None:
-    from cltrace.run.pack.meshes import load
-
-    load(device, precision)
 
 
 def packer_of(
