@@ -89,5 +89,5 @@ static REAL size_of_pairs(const Pair3 v) {
 
 /* What such numbers are off by at most, as a share of the sizes that they are made from: what is closer to 0 counts as
  * 0. In single the numbers of the scene are rounded to float. */
-#define PAIR_ERROR ((real)(REAL_BYTES == 8 ? 0x1p-95 : 0x1p-18))
+#define PAIR_ERROR ((real)(REAL_BYTES == 8 ? 0x1p-95f : 0x1p-18f))
 #endif

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -88,6 +89,12 @@ class FirstHits(NamedTuple):
     uv: Floats
 
 
+@lru_cache(maxsize=1)
+def _world_of(scene: Scene) -> World:
+    """The latest scene's, as who clicks at a picture asks again."""
+    return world_of(scene.seen_by(WORLD))
+
+
 def first_hits(
     scene: Scene,
     origins: Floats,
@@ -96,7 +103,7 @@ def first_hits(
     t_max: Floats,
 ) -> FirstHits:
     """What each ray meets first at t_min < t < t_max, exactly, in milliseconds a ray. All arguments have n rows."""
-    world, n = world_of(scene.seen_by(WORLD)), len(origins)
+    world, n = _world_of(scene), len(origins)
     found = FirstHits(
         np.full(n, -1, np.int32),
         np.full(n, -1, np.int32),

@@ -12,10 +12,10 @@
 #ifdef WITH_PLANES
 /* What heights are off by in double, as a share of the sizes that they are made from, and t, which is right to 2^-24 of
  * itself. */
-#define HEIGHT_ERROR ((real)(REAL_BYTES == 8 ? 0x1p-47 : 0x1p-18))
+#define HEIGHT_ERROR ((real)(REAL_BYTES == 8 ? 0x1p-47f : 0x1p-18f))
 /* The share by which the directions of rays to lights are rounded. */
-#define LIGHT_ERROR ((real)(REAL_BYTES == 8 ? 0x1p-44 : 0x1p-16f))
-#define T_ERROR ((real)(REAL_BYTES == 8 ? 0x1p-22 : 0x1p-18))
+#define LIGHT_ERROR ((real)(REAL_BYTES == 8 ? 0x1p-44f : 0x1p-16f))
+#define T_ERROR ((real)(REAL_BYTES == 8 ? 0x1p-22f : 0x1p-18f))
 
 /* How far the points of a ray are within the region, times the length of a plane's normal: h + t g. h_size, g_size: the
  * sums of the magnitudes that h and g are made from. */
@@ -244,8 +244,8 @@ static void count_triangle(const Scene *scene, const Leaving *way, const Entry *
         const MASK here = met & (entry->plane == plane);
         if (!ANY(here)) continue;
         const REAL sign = height_signs(scene->spheres, way, plane, (INT)index, t, here, 0);
-        closed->odd ^= here & TO_MASK(sign > 0) & (INT)(1 << bit);
-        closed->on |= here & TO_MASK(sign == 0) & (INT)(1 << bit);
+        closed->odd ^= (here & TO_MASK(sign > 0)) ? (INT)(1 << bit) : (INT)0;
+        closed->on |= (here & TO_MASK(sign == 0)) ? (INT)(1 << bit) : (INT)0;
     }
 }
 

@@ -52,6 +52,15 @@ def test_light_falls_through_what_is_left_out(device: Device) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", ["some", "glass", "straight"])
+def test_packets_of_one_pixel(device: Device, name: str) -> None:
+    """As GPUs have them."""
+    outputs = ("id", "primitive", "color")
+    one, other = (cltrace.Renderer(scene_of(name, 2), device, outputs=outputs, width=w).render() for w in (1, None))
+    assert all(np.array_equal(getattr(one, name), getattr(other, name)) for name in outputs)
+
+
+@pytest.mark.slow
 def test_single(device: Device) -> None:
     """In float32, few pixels at edges are others than in `accurate`."""
     scene = scene_of("some", 1)
@@ -63,9 +72,8 @@ def test_single(device: Device) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(2))
-def test_antialiasing_is_that_of_more_pixels(device: Device, seed: int) -> None:
-    scene = scene_of("some", seed)
+def test_antialiasing_is_that_of_more_pixels(device: Device) -> None:
+    scene = scene_of("some", 0)
     is_the_mean_of_finer_pixels(scene.seen_by(replace(scene.camera, resolution=(48, 36))), device)
 
 
@@ -100,4 +108,4 @@ def test_many_spheres(device: Device) -> None:
     assert np.array_equal(image.primitive[y, x] == -2, cap)
     met = index >= 0
     assert np.allclose(image.depth[y, x][met], (t * np.linalg.norm(d, axis=1))[met], rtol=1e-9)
-    assert cap.mean() > 0.1
+    assert cap.mean() > 0.05
