@@ -49,8 +49,8 @@ static Beginning beginning_of(const Scene *scene, const Real3 o, const Real3 w, 
     begin.at = t_min > enters ? t_min : enters;
     begin.distant = !(size_of(from) <= 0x1p40);
     begin.misses = !begin.distant && (beside > 0.36 || begin.at > leaves || begin.at >= t_max);
-    begin.plain = is_plain(o.x) && is_plain(o.y) && is_plain(o.z) && is_plain(w.x) && is_plain(w.y) &&
-                  is_plain(w.z) && is_plain(begin.at);
+    begin.plain = is_plain(o.x) && is_plain(o.y) && is_plain(o.z) && is_plain(w.x) && is_plain(w.y) && is_plain(w.z) &&
+                  is_plain(begin.at);
     const Leaving leaving = {-1, 0, {0, 0, 1}, w, o, 0, 0, {0, 0, 0}, w, size_of(w), {0, 0, 0}};
     begin.ray = leaving;
     begin_at(o.x, w.x, begin.at, &begin.ray.center.x, &begin.ray.p.x, &begin.ray.q.x);

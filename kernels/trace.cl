@@ -26,7 +26,8 @@ static Ray primary_ray(const Frame frame, const int2 size, const INT column, con
 static Hit closest_hit(const Scene *scene, const Ray ray, const int2 tile, Work *work) {
     Hit hit = no_hit();
     EyeLine line = eye_line(scene, ray);
-    float reach = FIRST_REACH(scene, ray, line, tile, &hit, work); /* nothing matters of which the nearest point is beyond, squared */
+    float reach = FIRST_REACH(scene, ray, line, tile, &hit,
+                              work); /* nothing matters of which the nearest point is beyond, squared */
     const Grid grid = scene->lists.grid[0];
     Level level = first_level(grid);
     while (level.mask) {

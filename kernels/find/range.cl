@@ -1,9 +1,9 @@
 /* range.cl: clipping. Each ray is limited to its range within the convex region that the scene's planes keep.
  *
- * A plane is a point S and a normal m towards the kept side. The point of a ray o + t w is in the region if h + t g >= 0
- * for every plane, with h = (o - S).m and g = m.w: h and g are a Height. The ray enters the region at the last t = -h /
- * g of the planes with g > 0. A ray that starts on a clipped surface is in the region, but for rounding, and has only an
- * end. So what a ray meets first of a surface, at t, counts if all heights at t are at least 0. No other point of a
+ * A plane is a point S and a normal m towards the kept side. The point of a ray o + t w is in the region if h + t g >=
+ * 0 for every plane, with h = (o - S).m and g = m.w: h and g are a Height. The ray enters the region at the last t = -h
+ * / g of the planes with g > 0. A ray that starts on a clipped surface is in the region, but for rounding, and has only
+ * an end. So what a ray meets first of a surface, at t, counts if all heights at t are at least 0. No other point of a
  * convex surface need be looked for: if its first point is before the region, then either all of it is, or the ray
  * enters the region inside of it, where it meets a cap. cltrace/reference/clipping.py has the same.
  *
@@ -215,10 +215,10 @@ static __attribute__((noinline)) int meet_in_region(const Scene *scene, const Ra
  * at a time: those of which a ray meets an odd number of triangles beyond its entry, and none there. */
 #define SOLIDS_AT_ONCE 31
 typedef struct {
-    INT index, id;                 /* a surface, -1 for none; its number */
-    int first;                     /* of the meshes, bits are those from this number on */
-    INT odd, on;                   /* the bits of meshes that are met an odd number of times beyond, and at the entry */
-    int triangle[SOLIDS_AT_ONCE];  /* one of each of these */
+    INT index, id;                /* a surface, -1 for none; its number */
+    int first;                    /* of the meshes, bits are those from this number on */
+    INT odd, on;                  /* the bits of meshes that are met an odd number of times beyond, and at the entry */
+    int triangle[SOLIDS_AT_ONCE]; /* one of each of these */
 } Closed;
 
 static void add_closed(const Scene *scene, const int index, const MASK contains, Closed *closed) {
@@ -260,8 +260,7 @@ static void add_meshes(const Scene *scene, Closed *closed) {
 }
 
 /* Adds a surface if it is convex and contains the entries. */
-static void add_if_convex(const Scene *scene, const Leaving *way, const Entry *entry, const int index,
-                          Closed *closed) {
+static void add_if_convex(const Scene *scene, const Leaving *way, const Entry *entry, const int index, Closed *closed) {
     if (closed->first > 0 || scene->solid_of[index] != 0) return;
     const MASK inside = ASK_SHAPE(scene->spheres, index,
                                   contains(scene, way->center, entry->point, entry->error, index));

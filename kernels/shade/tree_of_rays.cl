@@ -246,7 +246,7 @@ static Branch go_on(const Scene *scene, const Branch rays, const Intersection at
     PUT3(PUT_WHERE, through, next.d, bounce.refracted);
     PUT_WHERE(through, next.weight, bounce.sends);
     if (HAS(WITH_SPLITS) && ANY(sends & mirrors)) {
-        Branch other = {sends & mirrors,  left,     !bounce.inside, at.normal,
+        Branch other = {sends & mirrors,  left,         !bounce.inside, at.normal,
                         bounce.refracted, bounce.sends, rays.depth + 1};
         if (HAS(WITH_SHAPES)) other.q = at.q;
         waiting->branch[waiting->height++] = other;

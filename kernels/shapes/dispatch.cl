@@ -1,11 +1,10 @@
 /* dispatch.cl: what is asked of a surface, whatever its shape is.
  *
  * A shape is a row of SHAPES in cltrace/plan/abi.py and a folder beside this file, with these functions; here are those
- * who ask them, but for surfaces.cl, and what asks for shadows, fetches lists and walks the tree in
- * find/. No one else names a
- * shape.
+ * who ask them, but for shade/points.cl, and what asks for shadows, fetches lists and walks the tree in find/. No one
+ * else names a shape.
  *   take        takes it into account along rays from the eye: first by a filter in float32, then for certain
- *   touches     which pixels it may be seen in, see samples/touches.cl
+ *   touches     which pixels it may be seen in, see samples.cl
  *   contains    whether it is convex, and rays enter the region of clipping planes inside of it
  *   settle      puts into a hit what is not known of late shapes before
  *   settle_t    the same of t alone
@@ -17,7 +16,7 @@
  *   leave_out_tied  lanes in which two are known to be met at once always
  *   break_tie   which of two that are met at once comes first, if that is not the one that is first in the file
  *   primitive   its number in its mesh
- *   fetch, fetch_first, fetch_hit, fetch_leaf  what is to be read of it soon
+ *   fetch, fetch_first, fetch_leaf  what is to be read of it soon
  *   add_leaf, add_leaf_for_packet  those of a leaf of the tree that rays may meet
  */
 

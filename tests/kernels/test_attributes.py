@@ -17,7 +17,7 @@ from cltrace.scene import Geometry, PlacedMesh
 pytestmark = pytest.mark.slow
 
 # The kernel's files up to the one that is tested.
-FILES = program.SOURCES[: program.SOURCES.index("shapes/triangle/attributes.cl") + 1]
+FILES = program.SOURCES[: program.SOURCES.index("shapes/triangle/surface.cl") + 1]
 POINTS = 256
 BODY = """
     __kernel void called(__global const int *which, __global const real *given, __global const real4 *vertex,

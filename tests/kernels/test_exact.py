@@ -139,7 +139,7 @@ def test_far_and_small_spheres_by_turned_cameras(device: Device, width: int) -> 
 
 @pytest.mark.filterwarnings("ignore::pyopencl.CompilerWarning")  # the log of a build that worked
 def test_whole_numbers(device: Device) -> None:
-    """x y + z w in integers.cl, rounded to the nearest double, ties to even: of both signs, with ties."""
+    """x y + z w in numbers.cl, rounded to the nearest double, ties to even: of both signs, with ties."""
     if not device.has_double:
         return
     rng = np.random.default_rng(0)
@@ -150,7 +150,7 @@ def test_whole_numbers(device: Device) -> None:
     data[500:1000, :2] = rng.integers(2**52, 2**53, (500, 1)) * [1, 0] + [0, 1]
     data[500:1000, 2:] = rng.choice([-0.5, 0.5, 0.5 + 2.0**-50, 0.5 - 2.0**-50], (500, 1)) * [1, 0] + [0, 1]
     source = (
-        program.source(("packet.cl", "abi", "integers.cl"))
+        program.source(("packet.cl", "abi", "numbers.cl"))
         + """
     __kernel void sums(__global const double4 *in, __global double *out) {
         const double4 v = in[get_global_id(0)];

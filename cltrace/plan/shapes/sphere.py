@@ -382,7 +382,7 @@ def filter_constant(discs: Discs) -> NDArray[np.float32]:
 
 
 def disc_filter(u: Array, v: Array, radius: Array, loose: float = 2.0**-60) -> NDArray[np.float32]:
-    """(n,): the r'^2 of sphere_filter_leaves in kernels/shapes/sphere/stops.cl, where it is derived.
+    """(n,): the r'^2 of sphere_filter_leaves in kernels/shapes/sphere/surface.cl, where it is derived.
 
     u, v, radius: (n,), the coordinates of the centres across a parallel light, and the radii; loose: what is to be
     added to these.

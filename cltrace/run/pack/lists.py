@@ -115,7 +115,7 @@ class ListBuffers:
 
 
 class Covers:
-    """Which cells of one grid n spheres cover: `covers` and `near` of kernels/pack/tiles.cl.
+    """Which cells of one grid n spheres cover: `covers` and `near` of kernels/pack/spheres.cl.
 
     members: how many are entered; entries: how many cells of level 0 they cover; more: how many of them are in no grid
     of the same light before.

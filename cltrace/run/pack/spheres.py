@@ -107,7 +107,7 @@ class SpherePacker:
 class _SeenSpheres:
     """The spheres of a SpherePacker as one camera sees them.
 
-    seen: four columns of `pitch` doubles, see kernels/pack/space.cl; any_along: whether any light is a parallel one.
+    seen: four columns of `pitch` doubles, see kernels/pack/spheres.cl; any_along: whether any light is a parallel one.
     """
 
     def __init__(self, packer: SpherePacker, world: ScenePacking, camera: AnyCamera, keep: bool) -> None:

@@ -17,8 +17,10 @@ from cltrace.run.program import NamedKernel, context_of, parameters_of, program,
 
 # Of a kernel, by the names of its parameters.
 Arguments = dict[str, Any]
-FILES = ("packet.cl", "abi", "pairs.cl", *(f"pack/{name}.cl" for name in (
-    "sums", "rows", "space", "tiles", "eye", "cells", "facets", "polygons")))  # fmt: skip
+FILES = (
+    *("packet.cl", "abi", "numbers.cl"),
+    *(f"pack/{name}.cl" for name in ("rows", "spheres", "eye", "cells", "polygons")),
+)
 # Vectors in memory begin at multiples of their size.
 PAGE = 4096
 # One camera's Views have at most so many buffers of one size.

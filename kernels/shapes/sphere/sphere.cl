@@ -1,7 +1,7 @@
 /* sphere.cl: the sphere: what is in its buffers, its float32 filter with a proof, and the normal of a point.
  *
- * meet.cl and meet_parallel.cl find where a ray from the eye meets it, exact.cl has the last word on that and tells
- * which of two is met first, and stops.cl tells whether it stands between a point and a light. cltrace/reference has
+ * meet.cl and meet.cl find where a ray from the eye meets it, exact.cl has the last word on that and tells
+ * which of two is met first, and surface.cl tells whether it stands between a point and a light. cltrace/reference has
  * the same, without the filter.
  */
 
@@ -102,3 +102,21 @@ static Real3 sphere_surface(const Sphere sphere, const Real3 from_center) {
 static int sphere_primitive(const Scene *scene, const int index) {
     return -1;
 }
+
+/* What is read of spheres. light: the number of a light, -1: the eye. */
+
+static void sphere_fetch(const Scene *scene, const int light, const int index) {
+    __global const float4 *filter = light < 0 ? scene->eye_filter : scene->light_filter + (long)light * scene->count;
+    FETCH(filter, index);
+    FETCH(scene->spheres.center_radius, index);
+    FETCH(scene->spheres.power, index);
+}
+
+static void sphere_fetch_first(const Scene *scene, const int light, const int index) {
+    FETCH(scene->light_filter, (long)light * scene->count + index);
+}
+
+/* Leaves of the tree hold them as balls. */
+#define sphere_fetch_leaf ball_fetch_leaf
+#define sphere_add_leaf ball_add_leaf
+#define sphere_add_leaf_for_packet ball_add_leaf_for_packet

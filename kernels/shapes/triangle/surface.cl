@@ -1,4 +1,251 @@
-/* surface.cl: points of triangles that rays have met: their normals, and what starts there. */
+/* surface.cl: points of triangles that rays have met, what meshes have at corners, and triangles between a point and a
+ * light. */
+
+/* Triangles between a point and a light. */
+#if REAL_BYTES == 8
+/* The sign of N.(P - A) of a triangle, in pairs, for the lanes of `wanted`. step: from the anchor of P to P. */
+static __attribute__((noinline)) REAL finely_beyond(const Spheres spheres, const FinePath path, const Start P,
+                                                    const Pair3 step, const INT number, const REAL_MASK wanted) {
+    const Corners corners = corners_at(spheres.vertex, spheres.face, number);
+    const Pair3 e1 = pairs_between(corners.a, corners.b), e2 = pairs_between(corners.a, corners.c);
+    const Pair3 near = pairs_between(corners.a, P.anchor);
+    const Pair3 beyond = {plus(near.x, step.x), plus(near.y, step.y), plus(near.z, step.z)};
+    const Pair side = dot_pairs(cross_pairs(e1, e2), beyond);
+    const REAL size = (fabs(near.x.hi) + fabs(near.y.hi)) + fabs(near.z.hi) + P.reach;
+    const REAL gh = ((fabs(e1.x.hi) + fabs(e1.y.hi)) + fabs(e1.z.hi)) *
+                    ((fabs(e2.x.hi) + fabs(e2.y.hi)) + fabs(e2.z.hi));
+    const REAL sign = sign_from(side.hi, 0x1p-97 * size * gh);
+    /* Whole numbers tell of a point of a triangle. As seen from P, D is N.(A - P). */
+    const MASK unsure = TO_MASK(wanted & (sign == 0)) & IS_TRIANGLE(spheres, P.index);
+    if (!ANY(unsure)) return sign;
+    return TO_REAL_MASK(unsure) ? -TO_REAL(whole_signs(spheres, path, number, 0, 0, unsure)) : sign;
+}
+
+/* P, as where a ray starts: along a parallel light, if it is one. */
+static FinePath fine_path_from(const Spheres spheres, const Real3 to, const Start P) {
+    const Real3 none = {0, 0, 0};
+    const Leaving point = leaving_to(P, to);
+    const Pair3 along = {pair(to.x, 0), pair(to.y, 0), pair(to.z, 0)};
+    const REAL_MASK placed = TO_REAL_MASK(IS_TRIANGLE(spheres, P.index));
+    const FinePath path = {P.anchor,    fine_start(spheres, point),
+                           along,       P.reach,
+                           size_of(to), 0,
+                           placed,      none,
+                           P.q,         P.index - (INT)FIRST_TRIANGLE(spheres)};
+    return path;
+}
+
+/* As stands_before(), in pairs. */
+static __attribute__((noinline)) REAL_MASK finely_before(const Spheres spheres, const Real3 to, const int at_point,
+                                                         const Start P, const INT number, const REAL_MASK wanted) {
+    const Pair3 still = {pair(0, 0), pair(0, 0), pair(0, 0)};
+    FinePath path = fine_path_from(spheres, to, P);
+    if (!at_point) return fine_triangle(spheres, path, number, wanted).hit;
+    const Pair3 way = pairs_between(to, P.anchor), step = path.step;
+    path.anchor = to;
+    path.step = still;
+    path.w.x = plus(way.x, step.x);
+    path.w.y = plus(way.y, step.y);
+    path.w.z = plus(way.z, step.z);
+    path.reach = 0;
+    path.w1 = (fabs(way.x.hi) + fabs(way.y.hi)) + fabs(way.z.hi) + P.reach;
+    path.placed = 0;
+    const FineTriangle fine = fine_triangle(spheres, path, number, wanted);
+    return fine.hit & (fine.side * finely_beyond(spheres, path, P, step, number, fine.hit) > 0);
+}
+
+/* The same of a light at a point, for lanes in which it is known that the ray meets the triangle, and the sign of D is.
+ */
+static __attribute__((noinline)) REAL_MASK finely_beyond_it(const Spheres spheres, const Real3 to, const Start P,
+                                                            const INT number, const REAL_MASK wanted, const REAL D) {
+    const FinePath path = fine_path_from(spheres, to, P);
+    const REAL sign = finely_beyond(spheres, path, P, path.step, number, wanted);
+    return wanted & (sign * D > 0);
+}
+#endif
+
+/* A triangle and the way between a point P and a light, which is at a point, or in the direction `to`.
+ *
+ * Of a light at a point, the ray leads from there to P; it meets the triangle before P if P is beyond the triangle's
+ * plane, which is the sign of N.(P - A). What P - A is off by is below 2^-48 of the sum of the magnitudes that it is
+ * made from. */
+typedef struct {
+    Volumes v;
+    REAL least, most; /* of the volumes of the edges */
+    REAL side;        /* N.(P - A); of a parallel light D */
+    REAL side_error;  /* what that is off by, of a light at a point */
+} Passing;
+
+static __attribute__((always_inline)) Passing passing_of(const Real3 to, const int at_point, const Start P,
+                                                         const Triangle T) {
+    const Real3 none = {0, 0, 0};
+    Path path = {P.anchor, P.step, to, P.reach, size_of(to)};
+    if (at_point) {
+        const Real3 way = difference(P.anchor, to);
+        path.anchor = to;
+        path.step = none;
+        path.w.x = way.x + P.step.x;
+        path.w.y = way.y + P.step.y;
+        path.w.z = way.z + P.step.z;
+        path.reach = 0;
+        path.w1 = size_of(way) + P.reach;
+    }
+    Passing is;
+    is.v = volumes_of(path, T);
+    is.least = smaller_of(is.v.EA, smaller_of(is.v.EB, is.v.EC));
+    is.most = larger_of(is.v.EA, larger_of(is.v.EB, is.v.EC));
+    const Real3 near = difference(P.anchor, T.a);
+    const Real3 beyond = {near.x + P.step.x, near.y + P.step.y, near.z + P.step.z};
+    is.side = at_point ? DOT(T.N, beyond) : is.v.D;
+    is.side_error = (real)0x1p-46f * (size_of(near) + P.reach) * (T.g * T.h);
+    return is;
+}
+
+/* Whether a triangle stands between P and the light. inside: as in triangle_meet(). */
+static REAL_MASK stands_before(const Spheres spheres, const real4 lamp, const int at_point, const Start P,
+                               const int number, const REAL_MASK wanted, const REAL_MASK inside) {
+    const Real3 to = {lamp.x, lamp.y, lamp.z};
+    const REAL_MASK ends_there = at_point ? TO_REAL_MASK(ALL_LANES) : (REAL_MASK)0,
+                    endless = at_point ? (REAL_MASK)0 : TO_REAL_MASK(ALL_LANES);
+    const Passing is = passing_of(to, at_point, P, triangle_at(spheres, number));
+    const Volumes v = is.v;
+    const REAL least = is.least, most = is.most, side = is.side;
+#if REAL_BYTES == 8
+    const REAL side_error = is.side_error;
+    const REAL_MASK split = !inside & (least < -v.E_error) & (most > v.E_error);
+    const REAL_MASK front = v.D > v.D_error, back = v.D < -v.D_error;
+    /* Along a parallel light it is known that the volumes have one sign, and so that of N.w, not which. */
+    const REAL_MASK up = inside & (ends_there | (v.den > v.den_error)),
+                    down = inside & (ends_there | (v.den < -v.den_error));
+    const REAL_MASK passes = (front & (inside ? down & endless : least < -v.E_error)) |
+                             (back & (inside ? up & endless : most > v.E_error));
+    const REAL_MASK ends = ends_there & ((front & (side < -side_error)) | (back & (side > side_error)));
+    const REAL_MASK meets = (front & (up | (least > v.E_error)) & (endless | (side > side_error))) |
+                            (back & (down | (most < -v.E_error)) & (endless | (side < -side_error)));
+    REAL_MASK unsure = wanted & !(split | passes | ends | meets);
+    REAL_MASK stops = wanted & meets;
+    if (!UNDECIDED(spheres, ANY(TO_MASK(unsure)))) return stops;
+    /* Of a triangle in all but the plane of P, only the side of P is unsure. */
+    const REAL_MASK met = unsure & inside & ends_there & (front | back);
+    if (ANY(TO_MASK(met))) stops = stops | finely_beyond_it(spheres, to, P, (INT)number, met, v.D);
+    unsure = unsure & !met;
+    if (ANY(TO_MASK(unsure))) stops = stops | finely_before(spheres, to, at_point, P, (INT)number, unsure);
+    return stops;
+#else
+    const REAL_MASK front = v.D > 0, back = v.D < 0;
+    const REAL_MASK up = inside & (ends_there | (v.den > 0)), down = inside & (ends_there | (v.den < 0));
+    return wanted & ((front & (up | (least > 0)) & (endless | (side > 0))) |
+                     (back & (down | (most < 0)) & (endless | (side < 0))));
+#endif
+}
+
+/* The same as triangle_shadow() where float32 cannot tell: for the lanes of `wanted`, of which those of `inside` are as
+ * in triangle_meet(). */
+static __attribute__((noinline)) MASK decide_stops(const Spheres *all, const real4 lamp, const int at_point,
+                                                   const Start *from, const int number, const MASK wanted,
+                                                   const MASK inside) {
+    const Spheres spheres = *all;
+    Start start = *from;
+    place_start(spheres, &start);
+    return TO_MASK(stands_before(spheres, lamp, at_point, start, number, TO_REAL_MASK(wanted), TO_REAL_MASK(inside)));
+}
+
+/* The lanes of `may` in which a triangle stands between P and the light: in which the ray meets it, and P is beyond its
+ * plane. As seen from a light at a point, with w the way to P, that is 1/t > 1; of a parallel light P is deeper. */
+static MASK triangle_shadow(const Scene *scene, const ShadowRay ray, const Start start, const int index, MASK may,
+                            Work *work) {
+    const int number = index - FIRST_TRIANGLE(scene->spheres);
+    may = may & (ray.own != index);
+    MASK unsure = may, inside = 0, stops = 0;
+    if (HAS(WITH_FILTER) && !ray.touches) {
+        __global const float4 *facet = scene->light_facet + 3 * ((long)ray.number * scene->triangles + number);
+        const FLOAT x = ray.at_point ? ray.w32.x : ray.u, y = ray.at_point ? ray.w32.y : ray.v;
+        const FLOAT z = ray.at_point ? ray.w32.z : (FLOAT)1;
+        const Sides sides = sides_of(x, y, z, ray.at_point ? sqrt(ray.a) : (FLOAT)1, facet);
+        unsure = may & sides.open;
+        COUNT(FILTERED, may & !unsure);
+        if (!ANY(unsure)) return 0;
+        const Bounds plane = plane_at(x, y, z, facet);
+        /* P's own depth is off by a rounding of it, and by less than 2^-40; that of the plane by 2^-27, see
+         * along_light(). */
+        const FLOAT off = FMA(magnitude(ray.depth), (FLOAT)0x1p-22f, (FLOAT)0x1p-26f);
+        const MASK beyond = ray.at_point ? plane.low > 1 : plane.high < ray.depth - off;
+        const MASK before = ray.at_point ? plane.high < 1 : plane.low > ray.depth + off;
+        inside = unsure & sides.inside;
+        stops = inside & beyond;
+        unsure = unsure & !stops & !before;
+    }
+    if (!RARELY(ANY(unsure))) return stops;
+    COUNT(DECIDED, unsure);
+    if (is_over(scene)) return stops;
+    unsure = unsure & !known_in_one_plane(scene->spheres, (INT)index, ray.own);
+    if (!ANY(unsure)) return stops;
+    /* Copied here, lest compilers keep it in memory all the time. */
+    const Spheres spheres = scene->spheres;
+    const Start copy = start;
+    return stops | decide_stops(&spheres, scene->lamp[ray.number], ray.at_point, &copy, number, unsure, inside);
+}
+
+/* What meshes have at the corners of their triangles, normals and texture coordinates, and in between.
+ */
+
+static REAL weighted(const Weights w, const REAL a, const REAL b, const REAL c) {
+    return (w.a * a + w.b * b) + w.c * c;
+}
+
+/* The matrix that takes the normals of each lane's mesh to the world; any one where there is none. */
+static Corners normal_matrices(__global const Mesh *meshes, const INT mesh) {
+    int one = LARGEST(mesh);
+    __global const Mesh *first = meshes + max(one, 0);
+    const real4 x = first->normal_x, y = first->normal_y, z = first->normal_z;
+    Corners m = {{x.x, x.y, x.z}, {y.x, y.y, y.z}, {z.x, z.y, z.z}};
+    INT left = mesh == one ? (INT)-1 : mesh;
+    while (RARELY(ANY(left >= 0))) {
+        one = LARGEST(left);
+        const REAL_MASK here = TO_REAL_MASK(left == one);
+        put_row(here, &m.a, meshes[one].normal_x);
+        put_row(here, &m.b, meshes[one].normal_y);
+        put_row(here, &m.c, meshes[one].normal_z);
+        left = left == one ? (INT)-1 : left;
+    }
+    return m;
+}
+
+/* The normals for shading at points of triangles, in the world, to any side and of any length. number: each lane's
+ * triangle, negative for none. Where the corners have none, or where theirs add up to 0, it is the triangle's own. */
+static Real3 shading_normals(const Scene *scene, const INT number, const Weights weights) {
+    const Corners c = corners_at(scene->corner_normal, scene->normal_face, number);
+    const INT mesh = number < 0 ? (INT)-1 : c.fourth;
+    const Corners matrix = normal_matrices(scene->mesh, mesh);
+    const Real3 n = {weighted(weights, c.a.x, c.b.x, c.c.x), weighted(weights, c.a.y, c.b.y, c.c.y),
+                     weighted(weights, c.a.z, c.b.z, c.c.z)};
+    const Real3 m = {DOT(matrix.a, n), DOT(matrix.b, n), DOT(matrix.c, n)};
+    const REAL_MASK here = TO_REAL_MASK(mesh >= 0) & (DOT(m, m) > 0);
+    if (!ANY((number >= 0) & !TO_MASK(here))) return m;
+    const Real3 N = plane_normals(scene->spheres.vertex, scene->spheres.face, number);
+    const Real3 normal = {here ? m.x : N.x, here ? m.y : N.y, here ? m.z : N.z};
+    return normal;
+}
+
+/* Where points of triangles are on a texture: (0, 0) where their corners do not say. Other lanes are left alone. */
+static void map_triangles(const Scene *scene, const INT number, const Weights weights, Intersection *at) {
+    int each[W];
+    real u[3][W], v[3][W];
+    STORE_LANES(number, each);
+    for (int lane = 0; lane < W; lane++) {
+        const int4 corner = scene->uv_face[max(each[lane], 0)];
+        const real2 uv[3] = {scene->corner_uv[corner.x], scene->corner_uv[corner.y], scene->corner_uv[corner.z]};
+        for (int k = 0; k < 3; k++) {
+            u[k][lane] = corner.w < 0 ? 0 : uv[k].x;
+            v[k][lane] = corner.w < 0 ? 0 : uv[k].y;
+        }
+    }
+    const REAL_MASK here = TO_REAL_MASK(number >= 0);
+    PUT_WHERE(here, at->u, weighted(weights, LOAD_LANES(u[0]), LOAD_LANES(u[1]), LOAD_LANES(u[2])));
+    PUT_WHERE(here, at->v, weighted(weights, LOAD_LANES(v[0]), LOAD_LANES(v[1]), LOAD_LANES(v[2])));
+}
+
+/* Points of triangles that rays have met: their normals, and what starts there. */
 /* n, in camera space, but for the lanes of `lost`: of what is too short or too long to be squared in float, another
  * unit is taken; and where float has nothing of N, since the corners are as one in it, the normal is the way back along
  * the ray d. */

@@ -536,7 +536,8 @@ static __attribute__((noinline)) int share_a_plane(const Spheres spheres, const 
     const int4 f = spheres.face[a], g = spheres.face[b];
     const real4 one[3] = {spheres.vertex[f.x], spheres.vertex[f.y], spheres.vertex[f.z]};
     const real4 two[3] = {spheres.vertex[g.x], spheres.vertex[g.y], spheres.vertex[g.z]};
-    if (!share_a_level(one, two) && (HAS(WITHOUT_RARE) || HAS(WITH_RAYS) || !whole_coplanar(spheres, one, two))) return 0;
+    if (!share_a_level(one, two) && (HAS(WITHOUT_RARE) || HAS(WITH_RAYS) || !whole_coplanar(spheres, one, two)))
+        return 0;
     note_plane(spheres, a, b);
     return 1;
 }
@@ -757,4 +758,23 @@ static Place3 place_on(const Corners corners, const Real3 q) {
 /* The same of the lanes whose surface is a triangle. */
 static __attribute__((always_inline)) Place3 places_of(const Spheres spheres, const INT index, const Real3 q) {
     return place_on(corners_at(spheres.vertex, spheres.face, TRIANGLE_OR_NONE(spheres, index)), q);
+}
+
+/* What is read of triangles. light: the number of a light, -1: the eye. */
+
+static void triangle_fetch(const Scene *scene, const int light, const int index) {
+    const int number = index - FIRST_TRIANGLE(scene->spheres);
+    __global const float4 *facets = light < 0 ? scene->facet : scene->light_facet + 3 * (long)light * scene->triangles;
+    FETCH(facets, 3 * (long)number);
+    FETCH(facets, 3 * (long)number + 2);
+    FETCH(scene->spheres.face, number);
+}
+
+static void triangle_fetch_first(const Scene *scene, const int light, const int index) {
+    FETCH(scene->light_facet, 3 * ((long)light * scene->triangles + (index - FIRST_TRIANGLE(scene->spheres))));
+}
+
+static void triangle_fetch_leaf(const Scene *scene, const int leaf) {
+    __global const uchar *lines = (__global const uchar *)(scene->patch + (leaf - scene->tree.blocks));
+    for (int line = 0; line < 6; line++) FETCH(lines, 64 * line);
 }
