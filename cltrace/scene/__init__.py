@@ -31,6 +31,5 @@ from cltrace.scene.lights import (
 from cltrace.scene.materials import FULL, MATERIAL, SIGNED_FULL, Material, Texture, texels
 from cltrace.scene.meshes import Geometry, Mesh, PlacedMesh, place_faults
 from cltrace.scene.rules import ANY, CONE, FOV, NOT_NEGATIVE, POSITIVE, Rule, Vector
-from cltrace.scene.scene import OTHER_FIELDS, Scene, share_all_but_camera
-from cltrace.scene.source import MeshFile, Source
+from cltrace.scene.scene import OTHER_FIELDS, MeshFile, Scene, Source, share_all_but_camera
 from cltrace.scene.spheres import SPHERE, extent_faults, inverse_faults, reaches, uniform_scales

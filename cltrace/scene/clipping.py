@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from cltrace.base.limits import MAX_PLANES
 from cltrace.scene.cylinders import colors_of, linear
 from cltrace.scene.materials import Material, records
-from cltrace.scene.rules import ANY, check_rule, checked, records_of
+from cltrace.scene.rules import ANY, check_none, check_rule, checked, records_of
 from cltrace.scene.surfaces import Floats, Ids, NumberedSurfaces
 
 if TYPE_CHECKING:
@@ -46,17 +46,9 @@ class Planes(NumberedSurfaces):
         _check_count(planes)
         for name in ("point", "normal"):
             check_rule(f"planes.{name}", ANY, planes[name])
-        for name, wrong, words in (
-            ("normal", ~planes["normal"].any(axis=1), "not 0"),
-            (
-                "material",
-                (planes["material"] < -1) | (planes["material"] >= materials),
-                "-1 or the index of a material",
-            ),
-        ):
-            if wrong.any():
-                i = int(np.argmax(wrong))
-                raise ValueError(f"planes.{name}[{i}]: must be {words}, got {planes[name][i]}")
+        of = planes["material"]
+        check_none("planes.normal", (planes["normal"] == 0).all(axis=1), "not 0", planes["normal"])
+        check_none("planes.material", (of < -1) | (of >= materials), "-1 or the index of a material", of)
         return cls(planes)
 
     def __len__(self) -> int:

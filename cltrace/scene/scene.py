@@ -7,10 +7,11 @@ Every array is double precision, one record per object, and read-only.
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from itertools import accumulate
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,7 +37,6 @@ from cltrace.scene.materials import (
 )
 from cltrace.scene.meshes import Mesh, Meshes, PlacedMesh, check_size, materials_shown, mesh_list
 from cltrace.scene.rules import ANY, POSITIVE, Vector, checked, described, records_of
-from cltrace.scene.source import Source
 from cltrace.scene.spheres import (
     SPHERE,
     Columns,
@@ -55,6 +55,42 @@ Lights = Iterable[NDArray[np.void]] | NDArray[np.void]
 # number changes where bonds follow the spheres.
 OTHERS: tuple[type[NumberedSurfaces], ...] = (Meshes, Planes, Cylinders)
 OTHER_FIELDS = tuple(f.name for row in OTHERS for f in fields(row))  # of Scene
+
+
+class MeshFile(NamedTuple):
+    """The file of a mesh: its name, as the scene has it, and (f,) int32, the line of each triangle's face."""
+
+    name: str
+    lines: NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """The file of a scene, and the lines of what it holds: 1 is the first, 0 is one that is not known.
+
+    path: the file's name, as it was given; view: the camera of the file; camera: the line of <camera>; lights: (n,)
+    int32, of each light; surfaces: (m,) int32, of each surface, by its number; meshes: the files of the meshes, by the
+    numbers of these surfaces; textures: the files of the textures, in their order; transforms: (k, 3, 4), the affine
+    maps of the k steps of a surface's transform, in the order of the file, by the surface's number: of the first
+    surfaces that have one; files: what the scene is made of: its own file, and those of its meshes and textures; size:
+    bytes of its own file and those of its meshes.
+    """
+
+    path: str
+    view: Camera
+    camera: int
+    lights: NDArray[np.int32]
+    surfaces: NDArray[np.int32]
+    meshes: Mapping[int, MeshFile] = field(default_factory=dict)
+    textures: tuple[str, ...] = ()
+    transforms: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
+    files: tuple[Path, ...] = ()
+    size: int = 0
+
+    @property
+    def knows_all_lines(self) -> bool:
+        """Whether no line is 0."""
+        return self.camera > 0 and bool(self.lights.all()) and bool(self.surfaces.all())
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
