@@ -7,8 +7,9 @@
  * is known exactly, as the sum of three doubles, so nothing is lost by it. Surfaces count from there on, t > t0, which
  * is the near or the far end of a sphere as the place is outside or inside of it.
  *
- * Every decision that pairs of doubles cannot make marks the ray as undecided. The host decides it among the candidates
- * of the search, of which no surface is missing that the ray may meet first.
+ * Every decision that pairs of doubles cannot make marks the ray as undecided; WITH_WHOLE, whole numbers make those
+ * about triangles. The host decides marked rays among the candidates of the search, of which no surface is missing that
+ * the ray may meet first.
  */
 
 /* Where a search begins. Lengths in the tree's unit, in which all surfaces are within 1/2 of the middle. */
@@ -51,7 +52,9 @@ static Beginning beginning_of(const Scene *scene, const Real3 o, const Real3 w, 
     begin.misses = !begin.distant && (beside > 0.36 || begin.at > leaves || begin.at >= t_max);
     begin.plain = is_plain(o.x) && is_plain(o.y) && is_plain(o.z) && is_plain(w.x) && is_plain(w.y) && is_plain(w.z) &&
                   is_plain(begin.at);
-    const Leaving leaving = {-1, 0, {0, 0, 1}, w, o, 0, 0, {0, 0, 0}, w, size_of(w), {0, 0, 0}};
+    /* Ties at edges are decided for the ray w + (e, e^2, e^3) from o. From the place, it passes an edge on the same side
+     * where t > 0, and on the other one where t < 0. So whole numbers, which `r` tells, break ties for t0 >= 0 alone. */
+    const Leaving leaving = {-1, 0, {0, 0, 1}, w, o, begin.at, 0, {0, 0, 0}, w, size_of(w), {0, 0, 0}};
     begin.ray = leaving;
     begin_at(o.x, w.x, begin.at, &begin.ray.center.x, &begin.ray.p.x, &begin.ray.q.x);
     begin_at(o.y, w.y, begin.at, &begin.ray.center.y, &begin.ray.p.y, &begin.ray.q.y);
@@ -79,7 +82,7 @@ static void trace_ray(const Scene *scene, const Beginning *begin, const double t
     const Spheres spheres = scene->spheres;
     const Leaving *ray = &begin->ray;
     Work work = no_work();
-    Met found = {{INFINITY, 0, {0, 0, 0}}, -1};
+    Met found = {{INFINITY, 0, {0, 0, 0}}, -1, -1};
     Reached reached;
     Search search;
     search.found = &reached;
@@ -105,8 +108,11 @@ static void trace_ray(const Scene *scene, const Beginning *begin, const double t
     *t = at;
     *open = 0;
     if (sure || (candidates == 0 && !several)) return;
-    *open = several ? -1 : 0;
-    for (int k = 0; k < candidates && !several; k++)
+    /* A triangle in whose plane the ray starts is never met, though the search, which begins before that, has met it and
+     * left out what is behind. */
+    const int any = several || begin->at < 0;
+    *open = any ? -1 : 0;
+    for (int k = 0; k < candidates && !any; k++)
         if (reached.near[k][0] <= reach) candidate[(*open)++] = reached.index[k][0];
 }
 

@@ -540,6 +540,7 @@ FLAGS = {
     "WITH_LEAVING": "some rays are decided that may start anywhere: those from surfaces, and all that meet ellipsoids",
     "WITH_BOUNCES": "something mirrors or is transparent",
     "WITH_RAYS": "the program is that of kernels/rays.cl: arrays of rays, of which the host decides those it marks",
+    "WITH_WHOLE": "that program has whole numbers for triangles, which take as long to compile as all the rest",
     "WITH_GLASS": "something is transparent",
     "WITH_SPLITS": "something is both",
     "WITH_DROPPING": "branches are dropped where no output shows them",

@@ -150,6 +150,7 @@ class Surfaces:
                 t[extreme] = np.ldexp(t[extreme], -exponent)
                 # What is too small for a normal double has been rounded once more.
                 lost = np.abs(t[extreme]) < 2.0**-1000
+                lost |= (np.ldexp(w[extreme], exponent[:, None]) != d[extreme]).any(axis=1)
                 for end, given in zip(ends, (low, high), strict=True):
                     lost |= np.ldexp(end[extreme], -exponent) != given[extreme]
             anything = np.union1d(anything, extreme[lost])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +28,9 @@ FLAGS = frozenset({"WITH_RAYS", "IN_STAGES", "WITH_LEAVING", "WITH_BOUNCES", "WI
 CANDIDATES = 64
 # Rays in one launch, so that Ctrl-C is heard soon, and in one work-item of a CPU.
 RAYS_AT_ONCE, RUN = 1 << 18, 64
+# More undecided rays than these are traced once more, with whole numbers. The exact engine takes about as long for them
+# as that kernel takes to compile.
+MANY_UNDECIDED = 10_000
 # The parameters of the kernel beside those of all kernels.
 PARAMETERS = {"rays": "int", "run": "int"} | dict.fromkeys(("origin", "way", "t_min", "t_max"), BUFFER)
 RESULTS = {"met": (1, np.int32), "t": (1, np.float64), "open": (1, np.int32), "candidate": (CANDIDATES, np.int32)}
@@ -92,10 +96,8 @@ class RayTracer:
         check_sizes(self.device, {name: (len(array), array.nbytes) for name, array in arrays.items()})
         arguments = abi.arguments_of(features)
         types = {a.name: a.type.replace("real", "double") if a.kind == "value" else BUFFER for a in arguments}
-        flags = ("W=1", "RUN=1", *self.device.flags)
-        made = program(self.device, [*(f"-D{flag}" for flag in flags), *opencl.options("accurate", features)], FILES)
-        parameters = types | PARAMETERS | dict.fromkeys(RESULTS, BUFFER)
-        self._kernel = NamedKernel(made, "trace_rays", parameters)
+        self._features, self._parameters = features, types | PARAMETERS | dict.fromkeys(RESULTS, BUFFER)
+        self._kernels = {"": self._built("")}
         # What no ray asks for is 0, or a buffer of a few zeros.
         none = self._buffer(np.zeros(64))
         zeros = {name: (0,) * int(re.sub(r"\D", "", type_) or 0) or 0 for name, type_ in types.items()}
@@ -109,25 +111,38 @@ class RayTracer:
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
         return cl.Buffer(self._queue.context, flags, hostbuf=np.ascontiguousarray(array))
 
-    def trace(self, origin: Array, way: Array, t_min: Array, t_max: Array) -> Found:
-        """origin, way: (n, 3), in the world, no way 0 and none of an extreme length; t_min, t_max: (n,)."""
-        parts = [slice(i, i + RAYS_AT_ONCE) for i in range(0, len(origin), RAYS_AT_ONCE)]
+    def _built(self, whole: str) -> NamedKernel:
+        """The kernel; whole: "WITH_WHOLE" for that which has whole numbers, else ""."""
+        flags = ["-DW=1", "-DRUN=1", *(f"-D{flag}" for flag in self.device.flags)]
+        options = opencl.options("accurate", self._features | ({whole} if whole else set()))
+        return NamedKernel(program(self.device, [*flags, *options], FILES), "trace_rays", self._parameters)
+
+    def trace(self, *rays: Array) -> Found:
+        """Origins and directions, (n, 3), in the world, none 0 nor of an extreme length, t_min and t_max, (n,)."""
         with driver_errors(self.device):
-            found = [self._trace(origin[part], way[part], t_min[part], t_max[part]) for part in parts]
+            found = self._found(rays, "")
+            rows = found.undecided
+            if len(rows) <= MANY_UNDECIDED or "WITH_TRIANGLES" not in self._features:
+                return found
+            if "WITH_WHOLE" not in self._kernels:
+                with Announcement("compiling the kernel ..."):
+                    self._kernels["WITH_WHOLE"] = self._built("WITH_WHOLE")
+            again = self._found([x[rows] for x in rays], "WITH_WHOLE")
+        found.index[rows], found.t[rows] = again.index, again.t
+        return Found(found.index, found.t, rows[again.undecided], rows[again.ray], again.surface, rows[again.anything])
+
+    def _found(self, rays: Sequence[Array], whole: str) -> Found:
+        """What one of the kernels knows."""
+        parts = [slice(i, i + RAYS_AT_ONCE) for i in range(0, len(rays[0]), RAYS_AT_ONCE)]
+        found = [self._trace(self._kernels[whole], *(x[part] for x in rays)) for part in parts]
         index, t, count = (np.concatenate([one[name] for one in found]) for name in ("met", "t", "open"))
         undecided = np.flatnonzero(count)
         candidate = np.concatenate([one["candidate"] for one in found])
         kept = np.arange(CANDIDATES) < count[undecided, None]
-        return Found(
-            index,
-            t,
-            undecided,
-            np.repeat(undecided, kept.sum(axis=1)),
-            candidate[kept],
-            undecided[count[undecided] < 0],
-        )
+        ray = np.repeat(undecided, kept.sum(axis=1))
+        return Found(index, t, undecided, ray, candidate[kept], undecided[count[undecided] < 0])
 
-    def _trace(self, *rays: Array) -> dict[str, NDArray[Any]]:
+    def _trace(self, kernel: NamedKernel, *rays: Array) -> dict[str, NDArray[Any]]:
         """One launch: its results, of which the candidates are those of undecided rays alone."""
         n, cpu = len(rays[0]), self.device.kind == "cpu"
         run, group = (RUN, 1) if cpu else (1, 64)
@@ -137,7 +152,7 @@ class RayTracer:
         sizes = {name: n * width * np.dtype(type_).itemsize for name, (width, type_) in RESULTS.items()}
         made = {name: cl.Buffer(context, write, size) for name, size in sizes.items()}
         own = given | made | {"undecided": cl.Buffer(context, write, 1 + items), "rays": n, "run": run}
-        self._kernel.start(self._queue, items, group, self._arguments | own)
+        kernel.start(self._queue, items, group, self._arguments | own)
         results = {name: np.empty(n, RESULTS[name][1]) for name in ("met", "t", "open")}
         for name, array in results.items():
             cl.enqueue_copy(self._queue, array, made[name])

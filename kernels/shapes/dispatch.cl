@@ -94,9 +94,9 @@ static __attribute__((noinline)) REAL_MASK comes_first_of(const Scene *scene, co
     if (!UNDECIDED(scene->spheres, ANY(TO_MASK(open)))) return first;
     const FineT t = fine_t_of(scene->spheres, ray, A), other = fine_t_of(scene->spheres, ray, B);
     const REAL gap = (t.t.hi - other.t.hi) + (t.t.lo - other.t.lo), error = t.error + other.error;
-    const REAL_MASK close = (gap >= -error) & (gap <= error);
-    if (HAS(WITH_RAYS) && ANY(TO_MASK(open & close))) mark_undecided(scene->spheres);
-    else EACH_SHAPE(scene->spheres, A, break_tie(scene->spheres, ray, A, B, close, &first));
+    REAL_MASK close = open & (gap >= -error) & (gap <= error);
+    EACH_SHAPE(scene->spheres, A, break_tie(scene->spheres, ray, A, B, &close, &first));
+    if (HAS(WITH_RAYS) && ANY(TO_MASK(close))) mark_undecided(scene->spheres);
     first = open ? (gap < -error) | (!(gap > error) & first) : first;
 #endif
     return first;

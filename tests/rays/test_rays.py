@@ -30,6 +30,7 @@ CAMERA = Camera((0, 0, 9), (0, 0, 0), resolution=(8, 8))
 def by_device(monkeypatch: pytest.MonkeyPatch) -> None:
     """So few rays as here would else be left to the exact engine, which is the oracle."""
     monkeypatch.setattr(inside, "FEW_RAYS", 0)
+    monkeypatch.setattr(on_device, "MANY_UNDECIDED", 0)
 
 
 def mixed(seed: int, offset: float = 0.0, scale: float = 1.0) -> Scene:
@@ -175,6 +176,17 @@ def test_ranges(seed: int) -> None:
         assert (hits.id[i], hits.primitive[i], hits.t[i]) == want
 
 
+@pytest.mark.parametrize("many", [0, 10**9], ids=["whole numbers", "exact engine"])
+@pytest.mark.parametrize("seed", range(3))
+def test_ranges_of_hostile_rays(seed: int, many: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same ends, of more rays, also where they start in the planes of triangles, which they never meet."""
+    monkeypatch.setattr(on_device, "MANY_UNDECIDED", many)
+    scene, rng = mixed(seed), np.random.default_rng(seed + 30)
+    o, d = aimed(scene, rng, 300)
+    low, high = rng.choice([-np.inf, -1.5, -1, 0, 0.5, 1], 300), rng.choice([np.inf, 1, 0.5, 2, 1e-9], 300)
+    same(trace_rays(scene, o, d, t_min=low, t_max=high), oracle.closest_hit(scene, o, d, low, high))
+
+
 def all_shapes(seed: int) -> Scene:
     """Spheres, ellipsoids, cylinders and a mesh, in and through each other."""
     rng = np.random.default_rng(seed)
@@ -238,8 +250,10 @@ def test_hard_rays(kind: str) -> None:
     assert (want.id >= 0).sum() > 50
 
 
-def test_along_edges() -> None:
+@pytest.mark.parametrize("many", [0, 10**9], ids=["whole numbers", "exact engine"])
+def test_along_edges(many: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """In the planes of faces, along their edges, and through corners, where no double decides."""
+    monkeypatch.setattr(on_device, "MANY_UNDECIDED", many)
     vertices, faces = icosphere(2)
     scene, rng = Scene.from_meshes(CAMERA, (), Mesh(vertices, faces)), np.random.default_rng(3)
     a, b, c = vertices[faces[rng.integers(len(faces), size=200)]].swapaxes(0, 1)

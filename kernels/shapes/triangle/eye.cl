@@ -267,14 +267,16 @@ static void triangle_leave_out_tied(const Spheres spheres, const INT A, const IN
     *open = *open & !TO_REAL_MASK(known_in_one_plane(spheres, A, B));
 }
 
-/* Where both A and B are triangles, in the lanes of `close`: their planes break a tie, see plane_comes_first(). */
-static void triangle_break_tie(const Spheres spheres, const Leaving ray, const INT A, const INT B,
-                               const REAL_MASK close, REAL_MASK *first) {
-    const REAL_MASK flat = close & TO_REAL_MASK(IS_TRIANGLE(spheres, A) & IS_TRIANGLE(spheres, B));
+/* Where both A and B are triangles, in the lanes of `close`: their planes break a tie, see plane_comes_first(), and
+ * such lanes are left out of `close`. */
+static void triangle_break_tie(const Spheres spheres, const Leaving ray, const INT A, const INT B, REAL_MASK *close,
+                               REAL_MASK *first) {
+    const REAL_MASK flat = *close & TO_REAL_MASK(IS_TRIANGLE(spheres, A) & IS_TRIANGLE(spheres, B));
     if (!ANY(TO_MASK(flat))) return;
     const INT one = TRIANGLE_OR_NONE(spheres, A), two = TRIANGLE_OR_NONE(spheres, B);
     const REAL_MASK before = plane_comes_first(spheres, fine_path(spheres, ray), one, two, *first, flat);
     *first = flat ? before : *first;
+    *close = *close & !flat;
 }
 #endif
 

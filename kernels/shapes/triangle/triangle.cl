@@ -281,7 +281,7 @@ typedef struct {
     Pair3 step, w;
     REAL reach, w1;
     /* For whole numbers: */
-    REAL_MASK whole;  /* whether it starts at the eye or on a triangle, along d of camera space */
+    REAL_MASK whole;  /* whether it starts at the eye or on a triangle, along d of camera space; WITH_RAYS, see there */
     REAL_MASK placed; /* whether it starts there, wherever it leads */
     Real3 d, q;       /* q and own as in Leaving, but that own counts triangles */
     INT own;
@@ -301,18 +301,22 @@ static Pair3 fine_step(const Spheres spheres, const INT number, const Real3 q) {
 }
 
 /* Where a ray starts in whole numbers: anchor + u (next - anchor) + v (last - anchor); from the plane of an
- * orthographic camera, anchor + u next + v last. */
+ * orthographic camera, and WITH_RAYS, anchor + u next + v last. */
 typedef struct {
     real4 anchor, next, last;
     double u, v;
     Span places, weights;
-    int on_plane; /* whether it is that plane */
+    int on_plane; /* whether it is that plane, or a start of rays.cl */
 } WholeStart;
 
-/* The lanes of a FinePath: the triangle that each ray leaves and the point (u, v, k) of that, and its direction. */
+/* The lanes of a FinePath: the triangle that each ray leaves and the point (u, v, k) of that, and its direction;
+ * WITH_RAYS, the three numbers whose sum is the one ray's start. */
 typedef struct {
     int own[W];
     double u[W], v[W], k[W], x[W], y[W], z[W];
+#ifdef WITH_RAYS
+    real4 start[3];
+#endif
 } PathLanes;
 
 static void store_path(PathLanes *to, const FinePath path) {
@@ -323,6 +327,12 @@ static void store_path(PathLanes *to, const FinePath path) {
     STORE_LANES(path.d.x, to->x);
     STORE_LANES(path.d.y, to->y);
     STORE_LANES(path.d.z, to->z);
+#ifdef WITH_RAYS
+    const Pair3 step = path.step;
+    to->start[0] = (real4)(path.anchor.x, path.anchor.y, path.anchor.z, 0);
+    to->start[1] = (real4)(step.x.hi, step.y.hi, step.z.hi, 0);
+    to->start[2] = (real4)(step.x.lo, step.y.lo, step.z.lo, 0);
+#endif
 }
 
 static real4 direction_of(const PathLanes *path, const int lane) {
@@ -341,6 +351,12 @@ static WholeStart whole_start(const Spheres spheres, const PathLanes *path, cons
         start.u = u;
         start.v = v;
     }
+#ifdef WITH_RAYS
+    start.anchor = path->start[0];
+    start.next = path->start[1];
+    start.last = path->start[2];
+    start.u = start.v = start.on_plane = 1;
+#endif
     if (own >= 0) {
         const int4 face = spheres.face[own];
         const int corner[3] = {face.x, face.y, face.z};
@@ -385,7 +401,7 @@ static __attribute__((noinline)) int whole_volume(const Spheres spheres, WholeSt
     const int bits = start.places.high - start.places.low + start.weights.high - start.weights.low + 4;
     const int turned = B.high - B.low + d.high - d.low + 2;
     const int n = (2 * bits + (directed ? turned : bits) + 8 + 31) / 32;
-    if (n > DIGITS) return 0;
+    if (n > DIGITS) return HAS(WITH_RAYS) ? mark_undecided(spheres) : 0;
     Integer x[3], y[3], cross[3], volume, w, negative;
     set_to(&volume, 0, 0, n);
     for (int i = 0; i < 3; i++) {
@@ -416,7 +432,7 @@ static int share_a_plane(const Spheres spheres, const int a, const int b);
  * corner `from` to corner `to`, or D where from = to. */
 static __attribute__((noinline)) INT whole_signs(const Spheres spheres, const FinePath path, const INT number,
                                                  const int from, const int to, const MASK unsure) {
-    if (HAS(WITH_RAYS)) return (INT)mark_undecided(spheres);
+    if (HAS(WITH_RAYS) && !HAS(WITH_WHOLE)) return (INT)mark_undecided(spheres);
     int each[W], left[W], sign[W];
     PathLanes lanes;
     STORE_LANES(number, each);
@@ -470,7 +486,7 @@ static __attribute__((noinline)) int whole_order(const Spheres spheres, WholeSta
      */
     const int bits = start.places.high - start.places.low + start.weights.high - start.weights.low + 4;
     const int n = (5 * bits + 9 + B.high - B.low + d.high - d.low + 6 + 31) / 32;
-    if (n > DIGITS) return 0;
+    if (n > DIGITS) return HAS(WITH_RAYS) ? mark_undecided(spheres) : 0;
     Integer N[2][3], D[2], Q[3], w, volume;
     for (int k = 0; k < 2; k++) whole_plane(N[k], &D[k], start, corner + 3 * k, n);
     const int sides = sign_of(&D[0], n) * sign_of(&D[1], n);
@@ -536,8 +552,8 @@ static __attribute__((noinline)) int share_a_plane(const Spheres spheres, const 
     const int4 f = spheres.face[a], g = spheres.face[b];
     const real4 one[3] = {spheres.vertex[f.x], spheres.vertex[f.y], spheres.vertex[f.z]};
     const real4 two[3] = {spheres.vertex[g.x], spheres.vertex[g.y], spheres.vertex[g.z]};
-    if (!share_a_level(one, two) && (HAS(WITHOUT_RARE) || HAS(WITH_RAYS) || !whole_coplanar(spheres, one, two)))
-        return 0;
+    const int levels_alone = HAS(WITHOUT_RARE) || (HAS(WITH_RAYS) && !HAS(WITH_WHOLE));
+    if (!share_a_level(one, two) && (levels_alone || !whole_coplanar(spheres, one, two))) return 0;
     note_plane(spheres, a, b);
     return 1;
 }
@@ -545,7 +561,7 @@ static __attribute__((noinline)) int share_a_plane(const Spheres spheres, const 
 /* The same, as far as it is known, or without whole numbers where there are none: what is not is left to another
  * program. */
 static int is_known_in_plane(const Spheres spheres, const int a, const int b) {
-    if (HAS(WITHOUT_RARE) || HAS(WITH_RAYS)) return share_a_plane(spheres, a, b);
+    if (HAS(WITHOUT_RARE)) return share_a_plane(spheres, a, b);
     return first_in_plane(spheres, a) == first_in_plane(spheres, b);
 }
 
@@ -568,6 +584,7 @@ static __attribute__((noinline)) MASK known_in_one_plane(const Spheres spheres, 
 /* What whole_order() says of each lane's triangles, for the lanes of `unsure`. */
 static __attribute__((noinline)) INT whole_orders(const Spheres spheres, const FinePath path, const INT A, const INT B,
                                                   const MASK unsure) {
+    if (HAS(WITH_RAYS) && !HAS(WITH_WHOLE)) return (INT)mark_undecided(spheres);
     int one[W], two[W], left[W], sign[W];
     PathLanes lanes;
     STORE_LANES(A, one);
@@ -608,6 +625,7 @@ static __attribute__((noinline)) REAL edge_sign(const Spheres spheres, const Fin
         const REAL along_z = sign_from(n.z.hi, n_error);
         REAL first = along_x != 0 ? along_x : along_y != 0 ? along_y : along_z;
         const MASK unsure = TO_MASK(tie & path.whole);
+        if (HAS(WITH_RAYS) && ANY(TO_MASK(tie & !path.whole))) mark_undecided(spheres);
         if (ANY(unsure)) {
             const REAL whole = TO_REAL(whole_signs(spheres, path, number, from, to, unsure));
             first = TO_REAL_MASK(unsure) ? (flip ? -whole : whole) : first;
@@ -655,6 +673,7 @@ static __attribute__((noinline)) REAL_MASK plane_comes_first(const Spheres spher
     const REAL z = sign_from(minus(times(a.D, b.N.z), times(b.D, a.N.z)).hi, error);
     REAL first = sides * (x != 0 ? x : y != 0 ? y : z);
     const MASK exact = TO_MASK(wanted & path.whole);
+    if (HAS(WITH_RAYS) && ANY(TO_MASK(wanted & !path.whole))) mark_undecided(spheres);
     if (ANY(exact)) {
         const REAL whole = TO_REAL(whole_orders(spheres, path, A, B, exact));
         first = TO_REAL_MASK(exact) ? whole : first;
@@ -702,14 +721,14 @@ static __attribute__((noinline)) FineTriangle fine_triangle(const Spheres sphere
 static FinePath fine_path(const Spheres spheres, const Leaving ray) {
     const MASK here = IS_TRIANGLE(spheres, ray.own);
     const INT own = ray.own - (here ? (INT)FIRST_TRIANGLE(spheres) : (INT)0);
-    const REAL_MASK whole = TO_REAL_MASK((ray.own == -1) | here);
+    const REAL_MASK placed = TO_REAL_MASK((ray.own == -1) | here);
     const FinePath path = {ray.center,
                            fine_start(spheres, ray),
                            pairs_in_world(spheres, ray.d),
                            ray.reach,
                            ray.w1,
-                           whole,
-                           whole,
+                           HAS(WITH_RAYS) ? (REAL_MASK)(ray.r >= 0) : placed,
+                           placed,
                            ray.d,
                            ray.q,
                            own};
