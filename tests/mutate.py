@@ -1,6 +1,7 @@
-"""Mutations of functions and macros, and the pytest plugin that makes one: `CLTRACE_MUTATION=NAME pytest -p mutate`.
+"""Mutations of functions and macros, and how one is made in all processes of a test run.
 
-The names are those of tests/mutations.py. The folder of this file must be on PYTHONPATH.
+With `CLTRACE_MUTATION=NAME PYTHONPATH=tests/mutating:tests`, Python makes the mutation of that name, of
+tests/mutations.py, when a process starts: that of pytest, a worker of xdist, or a command that a test runs.
 """
 
 from __future__ import annotations
@@ -9,16 +10,16 @@ import importlib
 import inspect
 import os
 import re
+import sys
+import traceback
 from collections.abc import Callable
 from functools import partial
 from types import FunctionType
 from typing import Any, NamedTuple
 
-import pytest
-
-# Names the mutation, for the workers of xdist, too.
 VARIABLE = "CLTRACE_MUTATION"
-DOES_NOT_BUILD = 9
+# The status of a process in which the mutation could not be made, or the mutated program does not build.
+NOT_MUTATED = 9
 
 
 class Python(NamedTuple):
@@ -84,6 +85,7 @@ class Kernel(NamedTuple):
         from cltrace.run import program
 
         replace(program, "source", lambda original, *files: self.applied(original(*files)))
+        replace(program, "program", _built)
 
     def applied(self, text: str) -> str:
         """The text of a program with the mutation, the same text if the program does not have the target."""
@@ -124,16 +126,27 @@ def replace(place: Any, name: str, change: Callable[..., Any]) -> None:
     function.__defaults__ = function.__kwdefaults__ = None
 
 
-def pytest_configure() -> None:
-    from mutations import MUTATIONS
-
-    if name := os.environ.get(VARIABLE):
-        MUTATIONS[name].make()
-
-
-def pytest_exception_interact(call: pytest.CallInfo[Any]) -> None:
-    """A program that does not build says nothing about the tests."""
+def _built(program: Callable[..., Any], *more: Any) -> Any:
+    """A mutated program. One that does not build says nothing about the tests."""
     from cltrace.base.errors import BuildError
 
-    if call.excinfo and isinstance(call.excinfo.value, BuildError) and os.environ.get(VARIABLE):
-        pytest.exit(str(call.excinfo.value), DOES_NOT_BUILD)
+    try:
+        return program(*more)
+    except BuildError as error:
+        give_up(str(error))
+
+
+def give_up(message: str) -> None:
+    print(message, file=sys.__stderr__, flush=True)
+    os._exit(NOT_MUTATED)
+
+
+def start() -> None:
+    """Makes the mutation that the environment names."""
+    try:
+        from mutations import MUTATIONS
+
+        if name := os.environ.get(VARIABLE):
+            MUTATIONS[name].make()
+    except Exception:
+        give_up(traceback.format_exc())
