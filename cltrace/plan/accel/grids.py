@@ -437,6 +437,8 @@ def point_grids(shapes: Sequence[Silhouettes], who: Shadows) -> Iterator[CellGri
         axes = side_axes(cube, axis, sign)
         seen = _through(shapes, axes, shown.rest if shown else who.occluder)
         shown = shown if shown and shown.members else None
+        if not shown and not len(seen.member):
+            continue
         window = window_of([Extent.of(seen, who), *([shown.extent] if shown else [])], SLACK, True)
         if window and not window.coarse and who.slack < SLACK:
             if shown:  # which float32 is too coarse for

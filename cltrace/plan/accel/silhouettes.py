@@ -48,9 +48,15 @@ class Projected(NamedTuple):
     far: Array
 
 
+NOTHING = Projected(np.zeros(0, np.int32), np.zeros((4, 0)), np.zeros(0, np.float32), np.zeros(0))
+
+
 def joined_projections(parts: Sequence[Projected]) -> Projected:
     """The surfaces of all parts."""
-    return Projected(*(np.concatenate(columns, axis=-1) for columns in zip(*parts, strict=True)))
+    some = [part for part in parts if len(part.member)] or parts[:1]
+    if len(some) == 1:
+        return some[0]
+    return Projected(*(np.concatenate(columns, axis=-1) for columns in zip(*some, strict=True)))
 
 
 class Silhouettes(ABC):
@@ -105,10 +111,12 @@ class Silhouettes(ABC):
             ends, r = self.spheres(which)
             ends = [np.stack(along(axes, end)) for end in ends]
             some = np.flatnonzero(~_beside(ends, r, half))
+            if not len(some):
+                return NOTHING
             which, r, ends = which[some], r[some], [end.take(some, axis=1) for end in ends]
-            edges = NOWHERE.repeat(len(some), axis=1)
-            for x, y, d in ends:
-                widen(edges, np.stack(slopes([x, y], d, r, (d - r) * (d + r))))
+            edges, *others = (np.stack(slopes([x, y], d, r, (d - r) * (d + r))) for x, y, d in ends)
+            for other in others:
+                widen(edges, other)
             vague = np.flatnonzero(np.isinf(edges[0]))
             if len(vague):
                 edges[:, vague] = self.vague_edges([end.take(vague, axis=1) for end in ends], half)
