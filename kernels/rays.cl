@@ -52,8 +52,9 @@ static Beginning beginning_of(const Scene *scene, const Real3 o, const Real3 w, 
     begin.misses = !begin.distant && (beside > 0.36 || begin.at > leaves || begin.at >= t_max);
     begin.plain = is_plain(o.x) && is_plain(o.y) && is_plain(o.z) && is_plain(w.x) && is_plain(w.y) && is_plain(w.z) &&
                   is_plain(begin.at);
-    /* Ties at edges are decided for the ray w + (e, e^2, e^3) from o. From the place, it passes an edge on the same side
-     * where t > 0, and on the other one where t < 0. So whole numbers, which `r` tells, break ties for t0 >= 0 alone. */
+    /* Ties at edges are decided for the ray w + (e, e^2, e^3) from o. From the place, it passes an edge on the same
+     * side where t > 0, and on the other one where t < 0. So whole numbers, which `r` tells, break ties for t0 >= 0
+     * alone. */
     const Leaving leaving = {-1, 0, {0, 0, 1}, w, o, begin.at, 0, {0, 0, 0}, w, size_of(w), {0, 0, 0}};
     begin.ray = leaving;
     begin_at(o.x, w.x, begin.at, &begin.ray.center.x, &begin.ray.p.x, &begin.ray.q.x);
@@ -108,8 +109,8 @@ static void trace_ray(const Scene *scene, const Beginning *begin, const double t
     *t = at;
     *open = 0;
     if (sure || (candidates == 0 && !several)) return;
-    /* A triangle in whose plane the ray starts is never met, though the search, which begins before that, has met it and
-     * left out what is behind. */
+    /* A triangle in whose plane the ray starts is never met, though the search, which begins before that, has met it
+     * and left out what is behind. */
     const int any = several || begin->at < 0;
     *open = any ? -1 : 0;
     for (int k = 0; k < candidates && !any; k++)
