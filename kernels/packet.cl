@@ -255,7 +255,7 @@ static FLOAT dot_float(const Float3 w, const float4 s) {
 
 /* The same of what double cannot decide. A program WITHOUT_RARE has nothing of what is behind it: there the condition
  * never holds, but the pixel is marked, and another program draws that. */
-#define UNDECIDED(spheres, condition) (HAS(WITHOUT_RARE) ? (condition) && mark_undecided(spheres) : RARELY(condition))
+#define UNDECIDED(geometry, condition) (HAS(WITHOUT_RARE) ? (condition) && mark_undecided(geometry) : RARELY(condition))
 
 /* Functions out of line have their arguments in memory, and their callers' variables with them. That keeps code small
  * where they are rarely called, but every work-item of a GPU has that memory then. What has nothing rare needs none. */

@@ -32,8 +32,8 @@ static int number_of_item(void) {
 }
 
 /* The first program IN_STAGES leaves a work-item's pixel to the second one. */
-static int mark_undecided(const Spheres spheres) {
-    spheres.undecided[0] = spheres.undecided[number_of_item()] = 1;
+static int mark_undecided(const Geometry geometry) {
+    geometry.undecided[0] = geometry.undecided[number_of_item()] = 1;
     return 0;
 }
 
@@ -113,11 +113,11 @@ static EyeRay eye_ray(const Ray ray) {
 
 /* A ray of the camera as one that leaves a point. The ray of an orthographic camera leaves exactly the eye plus x and y
  * times two axes of the camera. */
-static Leaving from_eye(const Spheres spheres, const EyeRay from) {
+static Leaving from_eye(const Geometry geometry, const EyeRay from) {
     const Real3 own = from.own, w = from.w;
-    const Real3 eye = {spheres.eye.x, spheres.eye.y, spheres.eye.z}, none = {0, 0, 0};
+    const Real3 eye = {geometry.eye.x, geometry.eye.y, geometry.eye.z}, none = {0, 0, 0};
     if (HAS(WITH_PARALLEL_RAYS)) {
-        const Real3 d = {0, 0, -1}, ahead = {spheres.ahead.x, spheres.ahead.y, spheres.ahead.z};
+        const Real3 d = {0, 0, -1}, ahead = {geometry.ahead.x, geometry.ahead.y, geometry.ahead.z};
         const Leaving ray = {-1, 0, {1, 0, 0}, d, eye, 0, size_of(own), w, ahead, size_of(ahead), own};
         return ray;
     }

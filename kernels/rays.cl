@@ -67,7 +67,7 @@ static Beginning beginning_of(const Scene *scene, const Real3 o, const Real3 w, 
 /* t of what a ray has met, in pairs, and whether that is surely correctly rounded and before t_max; INFINITY where it
  * is surely beyond. Pairs are off by 2^-104 of sums. */
 static double rounded_t(const Scene *scene, const Beginning *begin, const int index, const double t_max, int *sure) {
-    const FineT on = fine_t_of(scene->spheres, begin->ray, index);
+    const FineT on = fine_t_of(scene->geometry, begin->ray, index);
     const Pair t = plus(pair(begin->at, 0), on.t);
     const double error = 2 * (on.error + 0x1p-103 * (fabs(begin->at) + fabs(on.t.hi)));
     const double gap = (t.hi - t_max) + t.lo;
@@ -80,7 +80,7 @@ static double rounded_t(const Scene *scene, const Beginning *begin, const int in
  * it may be any surface. */
 static void trace_ray(const Scene *scene, const Beginning *begin, const double t_max, __global int *met,
                       __global double *t, __global int *open, __global int *candidate) {
-    const Spheres spheres = scene->spheres;
+    const Geometry geometry = scene->geometry;
     const Leaving *ray = &begin->ray;
     Work work = no_work();
     Met found = {{INFINITY, 0, {0, 0, 0}}, -1, -1};
@@ -96,15 +96,15 @@ static void trace_ray(const Scene *scene, const Beginning *begin, const double t
     search.decided = 0;
     const double rest = t_max - begin->at, limit = rest + 0x1p-50 * (fabs(rest) + fabs(begin->at));
     start_search(ray, scene->tree.middle, over, limit, &search);
-    spheres.undecided[number_of_item()] = 0;
+    geometry.undecided[number_of_item()] = 0;
     walk_all(1, &search);
     const int several = search.decided, candidates = search.count[0];
     const float reach = search.reach[0];
     if (candidates > 0) decide_all(&search);
-    int sure = begin->plain && !spheres.undecided[number_of_item()];
+    int sure = begin->plain && !geometry.undecided[number_of_item()];
     double at = INFINITY;
     if (found.id >= 0) at = rounded_t(scene, begin, found.id, t_max, &sure);
-    sure = sure && !spheres.undecided[number_of_item()];
+    sure = sure && !geometry.undecided[number_of_item()];
     *met = at < INFINITY ? found.id : -1;
     *t = at;
     *open = 0;

@@ -37,7 +37,7 @@ static void note_overgrown(const Scene *scene, const Packet packet, const Pixels
 
 /* IN_STAGES: whether the first program has left the work-item's pixel to the second one. */
 static int is_undecided(const Scene *scene) {
-    return scene->spheres.undecided[number_of_item()];
+    return scene->geometry.undecided[number_of_item()];
 }
 
 /* Whether the first program has drawn the work-item's pixel, or was told to draw no more. */

@@ -49,11 +49,11 @@ static MASK sphere_is_near(const Scene *scene, const Outlook view, const int ind
         const float r = (sqrt(s.z) + h) * (1 + 0x1p-20f) + 0x1p-21f;
         return FMA(s.x - x, s.x - x, (s.y - y) * (s.y - y)) <= r * r;
     }
-    const int stretched = HAS(WITH_ELLIPSOIDS) && scene->spheres.map_of[index];
+    const int stretched = HAS(WITH_ELLIPSOIDS) && scene->geometry.map_of[index];
     const real unit = scene->unit;
     const float square = (s.x * s.x + s.y * s.y) + s.z * s.z;
-    const float power = stretched ? square : (float)(scene->spheres.power[index].x * unit * unit);
-    const float r = stretched ? sqrt(square - s.w) : (float)(scene->spheres.center_radius[index].w * unit);
+    const float power = stretched ? square : (float)(scene->geometry.power[index].x * unit * unit);
+    const float r = stretched ? sqrt(square - s.w) : (float)(scene->geometry.center_radius[index].w * unit);
     if (power <= 0) return ALL_LANES;
     const Float3 w = {x, y, -1};
     return small_sphere_may_meet(w, view.line.a, s, r + sqrt(power) * h);
@@ -63,8 +63,8 @@ static MASK sphere_is_near(const Scene *scene, const Outlook view, const int ind
  * outside, all of it is behind the tangent plane there: with the normal n, of any length, other rays w + e meet that at
  * t n.w / (n.w + n.e), parallel ones at t - n.e / n.w. */
 static MASK sphere_is_behind(const Scene *scene, const Outlook view, const int index) {
-    if (HAS(WITH_ELLIPSOIDS) && scene->spheres.map_of[index]) return 0;
-    const Meeting at = sphere_meet(scene->spheres, view.ray, sphere_at(scene->spheres, index));
+    if (HAS(WITH_ELLIPSOIDS) && scene->geometry.map_of[index]) return 0;
+    const Meeting at = sphere_meet(scene->geometry, view.ray, sphere_at(scene->geometry, index));
     const FLOAT t = TO_FLOAT(at.t * scene->unit) * (1 - 0x1p-20f);
     const Float3 n = {TO_FLOAT(at.from_center.x), TO_FLOAT(at.from_center.y), TO_FLOAT(at.from_center.z)};
     const FLOAT across = TO_FLOAT(-DOT(at.from_center, view.ray.d)),
@@ -88,7 +88,7 @@ static MASK sphere_touches(const Scene *scene, const Outlook view, const int ind
  * Triangles of the mesh that the pixel shows are no other surface where their planes, all over the pixel, have the
  * depths of its corners, or are no further from these than they are from each other. */
 static MASK triangle_touches(const Scene *scene, const Outlook view, const int index, const MASK asked) {
-    __global const float4 *facet = scene->facet + 3 * (long)(index - FIRST_TRIANGLE(scene->spheres));
+    __global const float4 *facet = scene->facet + 3 * (long)(index - FIRST_TRIANGLE(scene->geometry));
     const float h = view.margins.x * (1 + 0x1p-20f), k = view.margins.y * (1 + 0x1p-20f);
     MASK near = asked;
     for (int i = 0; i < 3; i++) {
@@ -128,7 +128,7 @@ static MASK may_show_another(const Scene *scene, const int2 tile, const Outlook 
             const int2 entry = scene->lists.entry[k];
             if (as_float(entry.y) > last) break;
             const MASK other = asked & !found & (depth >= as_float(entry.y));
-            if (ANY(other)) found = found | ASK_SHAPE(scene->spheres, entry.x, touches(scene, view, entry.x, other));
+            if (ANY(other)) found = found | ASK_SHAPE(scene->geometry, entry.x, touches(scene, view, entry.x, other));
         }
     }
     return asked & found;

@@ -158,7 +158,7 @@ MUTATIONS = {
     ),
     "doubles decide discriminants near 0": Kernel(
         "decide_quadratic",
-        "decide_quadratic(spheres, ray, sphere, bb * (real)0x1p-60f, arr * (real)0x1p-60f, e);",
+        "decide_quadratic(geometry, ray, sphere, bb * (real)0x1p-60f, arr * (real)0x1p-60f, e);",
         f"tests/kernels/test_exact.py {STRESS}",
     ),
     "pairs of doubles are doubles": Kernel(
@@ -184,7 +184,7 @@ MUTATIONS = {
     ),
     "of equally near spheres the last one is seen": Kernel(
         "sphere_comes_first",
-        "return sphere_comes_first(spheres, ray, A, B, !tie, wanted);",
+        "return sphere_comes_first(geometry, ray, A, B, !tie, wanted);",
         f"{STRESS} -k 'R1 or R2 or R3'",
     ),
     "whole numbers do not know the order of two spheres": Kernel(
@@ -299,7 +299,7 @@ MUTATIONS = {
     "an edge belongs to the other triangle": Kernel(
         "whole_volume",
         """const int sign = CALL;
-        return directed && sign == whole_volume(spheres, start, X, Y, Z, directed, -way) ? -sign : sign;""",
+        return directed && sign == whole_volume(geometry, start, X, Y, Z, directed, -way) ? -sign : sign;""",
         "-m slow tests/kernels/test_mesh_rays.py -k pixels_show",
     ),
     "triangles beyond the light stop it": Kernel(

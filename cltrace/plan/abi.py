@@ -180,7 +180,7 @@ class ShapeRow(NamedTuple):
     """A row of SHAPES.
 
     flag: set if the scene has any; first: the index of its first one among all surfaces, and leaf: of its first leaf
-    among all leaves of the tree, in OpenCL C of `spheres` and `tree`; traits: names of TRAITS.
+    among all leaves of the tree, in OpenCL C of `geometry` and `tree`; traits: names of TRAITS.
     """
 
     name: str
@@ -206,14 +206,14 @@ SHAPES = (
     ShapeRow(
         "cylinder",
         "WITH_CYLINDERS",
-        first="((spheres).first_rod)",
+        first="((geometry).first_rod)",
         leaf="0",
         traits=("ROUND", "FETCHED", "LATE", "PLACED"),
     ),
     ShapeRow(
         "triangle",
         "WITH_TRIANGLES",
-        first="((spheres).first)",
+        first="((geometry).first)",
         leaf="((tree).blocks)",
         traits=("LATE", "PLACED", "TINY"),
     ),
@@ -248,7 +248,7 @@ ARGUMENTS = (
         ("unit", "real", "a power of two: a length of type real, times this, is in the float buffers' unit"),
     ),
     *_buffers(
-        "Spheres",
+        "Geometry",
         ("center_radius", "real4", "centre in camera space, radius"),
         ("power", "real2", "x: |centre|^2 - radius^2, made before the centre was rounded; y: 1 / radius"),
         ("world", "real4", "xyz: centre in the world, unrounded; w: what was cut off of power. Not in single"),
@@ -291,20 +291,20 @@ ARGUMENTS = (
         ("work", "int", len(COUNTERS), "how often the pixel did what COUNTERS names"),
     ),
     *_buffers(
-        "Spheres",
+        "Geometry",
         ("place", "real4", "centre in the world, in single from the scene's middle; radius"),
         needs="WITH_LEAVING",
     ),
     *_values(
-        "Spheres",
+        "Geometry",
         ("eye", "real4", "xyz: the eye in the world, in single from the scene's middle"),
         needs="WITH_SHAPES",
     ),
     *_values(
-        "Spheres", ("ahead", "real4", "xyz: the direction of parallel rays, in the world"), needs="WITH_PARALLEL_RAYS"
+        "Geometry", ("ahead", "real4", "xyz: the direction of parallel rays, in the world"), needs="WITH_PARALLEL_RAYS"
     ),
     *_buffers(
-        "Spheres",
+        "Geometry",
         ("map_of", "int", "of a sphere, which of the maps makes it an ellipsoid; 0: none"),
         ("map", "Map", "the first one is 1"),
         needs="WITH_ELLIPSOIDS",
@@ -352,9 +352,9 @@ ARGUMENTS = (
         ("lamp", "real4", "xyz: a light in the world, as a vertex, or the direction to a parallel one, of any length"),
         needs="WITH_PLACED",
     ),
-    *_values("Spheres", ("first_rod", "int", "the index of the first cylinder as a surface"), needs="WITH_CYLINDERS"),
+    *_values("Geometry", ("first_rod", "int", "the index of the first cylinder as a surface"), needs="WITH_CYLINDERS"),
     *_buffers(
-        "Spheres",
+        "Geometry",
         (
             "rod",
             "real4",
@@ -375,9 +375,9 @@ ARGUMENTS = (
         ),
         needs="WITH_CYLINDERS",
     ),
-    *_values("Spheres", ("planes", "int", "how many planes clip the scene"), needs="WITH_PLANES"),
+    *_values("Geometry", ("planes", "int", "how many planes clip the scene"), needs="WITH_PLANES"),
     *_buffers(
-        "Spheres",
+        "Geometry",
         (
             "clip",
             "real4",
@@ -405,9 +405,9 @@ ARGUMENTS = (
     ),
     *_values("Scene", ("patches", "int", "how many patches there are"), needs="WITH_PATCHES"),
     *_buffers("Scene", ("patch", "Patch", "the tree's leaves of triangles"), needs="WITH_PATCHES"),
-    *_values("Spheres", ("first", "int", "the index of the first triangle as a surface"), needs="WITH_TRIANGLES"),
+    *_values("Geometry", ("first", "int", "the index of the first triangle as a surface"), needs="WITH_TRIANGLES"),
     *_buffers(
-        "Spheres",
+        "Geometry",
         ("vertex", "real4", "corners of triangles in the world, in single from the scene's middle"),
         ("face", "int4", "xyz: a triangle's corners A, B, C; w: twice its mesh, plus 1 where N points to its back"),
         needs="WITH_TRIANGLES",
@@ -416,7 +416,7 @@ ARGUMENTS = (
         "plane",
         "int",
         "note",
-        group="Spheres",
+        group="Geometry",
         text="of a triangle, 1 plus one before it that is in the same plane; 0: none is known. See note_plane()",
         needs="WITH_TRIANGLES",
     ),
@@ -442,7 +442,7 @@ ARGUMENTS = (
         "undecided",
         "uchar",
         "note",
-        group="Spheres",
+        group="Geometry",
         text="of each work-item, whether its pixel is left to the second program; before these, whether any is",
         needs="IN_STAGES",
     ),

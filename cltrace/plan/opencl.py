@@ -53,7 +53,7 @@ def header() -> str:
     for argument in ARGUMENTS:
         groups.setdefault(argument.group, []).append(argument)
     del groups[""]
-    parts = ("Spheres", "Lists", "Tree")
+    parts = ("Geometry", "Lists", "Tree")
     needs = {part: _common_need(groups[part]) for part in parts}
     for name in (*parts, "Frame", "Scene", "Outputs"):
         members = [(a.parameter.removeprefix("const "), a.text) for a in groups[name]]
@@ -85,12 +85,12 @@ def _light_kinds() -> list[str]:
 def _shapes() -> list[str]:
     """Which shape a surface has, traits, and the macros that ask a surface's shape.
 
-    Of a shape x, FIRST_X(spheres) is the index of its first surface, IS_X(spheres, index) tells which lanes' surface is
-    one, and X_OR_NONE(spheres, index) is that one's number among its kind, -1 for none. ANY_<trait> tells whether a
-    shape of the scene has this trait, IS_<trait>(spheres, index) which lanes' surface has.
+    Of a shape x, FIRST_X(geometry) is the index of its first surface, IS_X(geometry, index) tells which lanes' surface
+    is one, and X_OR_NONE(geometry, index) is that one's number among its kind, -1 for none. ANY_<trait> tells whether a
+    shape of the scene has this trait, IS_<trait>(geometry, index) which lanes' surface has.
 
-    ASK_SHAPE(spheres, index, question(...)) is what the function <shape>_question(...) returns, ASK_LEAF(tree, index,
-    question(...)) the same for a leaf of the tree. EACH_SHAPE(spheres, index, question(...)) calls the first shape's
+    ASK_SHAPE(geometry, index, question(...)) is what the function <shape>_question(...) returns, ASK_LEAF(tree, index,
+    question(...)) the same for a leaf of the tree. EACH_SHAPE(geometry, index, question(...)) calls the first shape's
     function for all lanes, and then those of other shapes that some lane's surface has: each of these puts what it
     knows into its own lanes, by PUT_OF_SHAPE(). Where a scene has one shape only, all these are direct calls.
     """
@@ -103,22 +103,22 @@ def _shapes() -> list[str]:
         own, asked = name.upper(), f"{name}_##question"
         here, number = f"(index) >= {first}", f"(index) - {first}"
         ends = "".join(f"HAS({shape.flag}) ? (index) < {shape.first} : " for shape in SHAPES[i + 1 :]) + here
-        either = f"IS_{own}(spheres, index) ? {number} : (INT) - 1"
+        either = f"IS_{own}(geometry, index) ? {number} : (INT) - 1"
         lines += [
-            f"#define FIRST_{own}(spheres) {first}",
-            f"#define IS_{own}(spheres, index) ({f'({here}) & ({ends})' if i and ends != here else ends})",
-            f"#define {own}_OR_NONE(spheres, index) (KINDS_OF_SHAPES == 1 ? {number} : {either})",
+            f"#define FIRST_{own}(geometry) {first}",
+            f"#define IS_{own}(geometry, index) ({f'({here}) & ({ends})' if i and ends != here else ends})",
+            f"#define {own}_OR_NONE(geometry, index) (KINDS_OF_SHAPES == 1 ? {number} : {either})",
         ]
-        lines += _chained("ASK_SHAPE(spheres, index, question)", i, asked, f"({here} ? {asked} : %s)")
+        lines += _chained("ASK_SHAPE(geometry, index, question)", i, asked, f"({here} ? {asked} : %s)")
         lines += _chained("ASK_LEAF(tree, index, question)", i, asked, f"((index) >= {leaf} ? {asked} : %s)")
-        each = f"do {{ %s; if (ANY(IS_{own}(spheres, index))) {asked}; }} while (0)"
-        lines += _chained("EACH_SHAPE(spheres, index, question)", i, asked, each)
+        each = f"do {{ %s; if (ANY(IS_{own}(geometry, index))) {asked}; }} while (0)"
+        lines += _chained("EACH_SHAPE(geometry, index, question)", i, asked, each)
     for trait in TRAITS:
         those = [shape for shape in SHAPES if trait in shape.traits]
-        lanes = " | ".join(f"(HAS({s.flag}) ? IS_{s.name.upper()}(spheres, index) : (MASK)0)" for s in those)
+        lanes = " | ".join(f"(HAS({s.flag}) ? IS_{s.name.upper()}(geometry, index) : (MASK)0)" for s in those)
         lines += [
             f"#define ANY_{trait} ({' || '.join(f'HAS({shape.flag})' for shape in those)})",
-            f"#define IS_{trait}(spheres, index) ({lanes})",
+            f"#define IS_{trait}(geometry, index) ({lanes})",
         ]
     return lines
 

@@ -10,7 +10,7 @@
 static void fetch_entry(const Scene *scene, const int light, const int k) {
     if (!FETCHES) return;
     const int index = scene->lists.entry[k].x;
-    ASK_SHAPE(scene->spheres, index, fetch(scene, light, index));
+    ASK_SHAPE(scene->geometry, index, fetch(scene, light, index));
 }
 
 /* The same for the first entries of a list. */
@@ -33,7 +33,7 @@ static void fetch_lists(const Scene *scene, const int light, INT cell) {
     for (int k = 0; k < count; k++) FETCH(scene->lists.entry, scene->lists.start[each[k]]);
     for (int k = 0; k < count; k++) {
         const int index = scene->lists.entry[scene->lists.start[each[k]]].x;
-        ASK_SHAPE(scene->spheres, index, fetch_first(scene, light, index));
+        ASK_SHAPE(scene->geometry, index, fetch_first(scene, light, index));
     }
 }
 
@@ -105,7 +105,7 @@ static MASK first_in_file(const Scene *scene, const INT A, const INT B);
  * tells of all others. */
 static REAL_MASK nearer_than_any(const Scene *scene, const Ray ray, const int index, const REAL t, const Hit hit,
                                  const REAL_MASK nearer) {
-    const MASK late = IS_LATE(scene->spheres, hit.id);
+    const MASK late = IS_LATE(scene->geometry, hit.id);
     if (!ANY(late)) return nearer;
     const Bounds near = near_of(t, scene->unit);
     const MASK before = near.low > hit.near.high, open = late & !before & !(near.high < hit.near.low);

@@ -29,9 +29,9 @@ typedef struct {
     Pair3 step, w;
 } PairRay;
 
-static PairRay pair_ray(const Spheres spheres, const Leaving ray) {
+static PairRay pair_ray(const Geometry geometry, const Leaving ray) {
 #if REAL_BYTES == 8
-    const PairRay fine = {fine_start(spheres, ray), pairs_in_world(spheres, ray.d)};
+    const PairRay fine = {fine_start(geometry, ray), pairs_in_world(geometry, ray.d)};
 #else
     const PairRay fine = {{pair(ray.p.x, 0), pair(ray.p.y, 0), pair(ray.p.z, 0)},
                           {pair(ray.w.x, 0), pair(ray.w.y, 0), pair(ray.w.z, 0)}};
@@ -43,8 +43,8 @@ static real size_of_normal(const real4 m) {
     return (fabs(m.x) + fabs(m.y)) + fabs(m.z);
 }
 
-static Height height_along(const Spheres spheres, const Leaving ray, const PairRay fine, const int plane) {
-    const real4 S = spheres.clip[2 * plane], m = spheres.clip[2 * plane + 1];
+static Height height_along(const Geometry geometry, const Leaving ray, const PairRay fine, const int plane) {
+    const real4 S = geometry.clip[2 * plane], m = geometry.clip[2 * plane + 1];
     const Pair3 f = {plus(two_sum(ray.center.x, -(REAL)S.x), fine.step.x),
                      plus(two_sum(ray.center.y, -(REAL)S.y), fine.step.y),
                      plus(two_sum(ray.center.z, -(REAL)S.z), fine.step.z)};
@@ -55,10 +55,10 @@ static Height height_along(const Spheres spheres, const Leaving ray, const PairR
 
 #if REAL_BYTES == 8
 /* The signs of heights where rays meet what `index` names, in pairs. slack: as in height_signs(). */
-static __attribute__((noinline)) REAL fine_height_signs(const Spheres spheres, const Leaving *ray, const int plane,
+static __attribute__((noinline)) REAL fine_height_signs(const Geometry geometry, const Leaving *ray, const int plane,
                                                         const INT index, const real slack) {
-    const Height at = height_along(spheres, *ray, pair_ray(spheres, *ray), plane);
-    const FineT t = fine_t_of(spheres, *ray, index);
+    const Height at = height_along(geometry, *ray, pair_ray(geometry, *ray), plane);
+    const FineT t = fine_t_of(geometry, *ray, index);
     const REAL far = fabs(t.t.hi), size = at.h_size + far * at.g_size;
     return sign_from(plus(at.h, times(t.t, at.g)).hi, fabs(at.g.hi) * t.error + (PAIR_ERROR + slack) * size);
 }
@@ -66,26 +66,26 @@ static __attribute__((noinline)) REAL fine_height_signs(const Spheres spheres, c
 
 /* The signs of the heights above a plane of the points where the lanes of `asked` meet what `index` names, at t. slack:
  * the share by which the directions of rays to lights are rounded; 0 of all other rays. */
-static REAL height_signs(const Spheres spheres, const Leaving *ray, const int plane, const INT index, const REAL t,
+static REAL height_signs(const Geometry geometry, const Leaving *ray, const int plane, const INT index, const REAL t,
                          const MASK asked, const real slack) {
-    const real4 S = spheres.clip[2 * plane], m = spheres.clip[2 * plane + 1];
+    const real4 S = geometry.clip[2 * plane], m = geometry.clip[2 * plane + 1];
     const Real3 f = {(ray->center.x - S.x) + ray->p.x, (ray->center.y - S.y) + ray->p.y,
                      (ray->center.z - S.z) + ray->p.z};
     const REAL g = DOT(m, ray->w), size = size_of_normal(m) * ((size_of(f) + ray->reach) + fabs(t) * ray->w1);
     const REAL sign = sign_from(DOT(m, f) + t * g, T_ERROR * fabs(t * g) + (HEIGHT_ERROR + slack) * size);
 #if REAL_BYTES == 8
     const MASK unsure = asked & TO_MASK(sign == 0);
-    if (UNDECIDED(spheres, ANY(unsure)))
-        return TO_REAL_MASK(unsure) ? fine_height_signs(spheres, ray, plane, index, slack) : sign;
+    if (UNDECIDED(geometry, ANY(unsure)))
+        return TO_REAL_MASK(unsure) ? fine_height_signs(geometry, ray, plane, index, slack) : sign;
 #endif
     return sign;
 }
 
 /* The lanes of `asked` that meet what `index` names, at t, within the region. */
-static MASK in_region(const Spheres spheres, const Leaving *ray, const INT index, const REAL t, MASK asked,
+static MASK in_region(const Geometry geometry, const Leaving *ray, const INT index, const REAL t, MASK asked,
                       const real slack) {
-    for (int plane = 0; plane < spheres.planes && ANY(asked); plane++)
-        asked = asked & TO_MASK(height_signs(spheres, ray, plane, index, t, asked, slack) >= 0);
+    for (int plane = 0; plane < geometry.planes && ANY(asked); plane++)
+        asked = asked & TO_MASK(height_signs(geometry, ray, plane, index, t, asked, slack) >= 0);
     return asked;
 }
 
@@ -103,10 +103,10 @@ static MASK are_unclipped(const Scene *scene, const INT index) {
 static MASK counts(const Scene *scene, const Leaving *ray, const INT index, const REAL t, const INT planes,
                    const MASK asked) {
     const MASK alone = asked & are_unclipped(scene, index), capped = planes >= 0;
-    MASK met = alone | in_region(scene->spheres, ray, index, t, asked & !alone & !capped, 0);
-    for (int plane = 0; ANY(alone & capped) && plane < scene->spheres.planes; plane++) {
+    MASK met = alone | in_region(scene->geometry, ray, index, t, asked & !alone & !capped, 0);
+    for (int plane = 0; ANY(alone & capped) && plane < scene->geometry.planes; plane++) {
         const MASK here = alone & (planes == plane);
-        if (ANY(here)) met = met & !(here & TO_MASK(height_signs(scene->spheres, ray, plane, index, t, here, 0) >= 0));
+        if (ANY(here)) met = met & !(here & TO_MASK(height_signs(scene->geometry, ray, plane, index, t, here, 0) >= 0));
     }
     return met;
 }
@@ -115,8 +115,8 @@ static MASK counts(const Scene *scene, const Leaving *ray, const INT index, cons
  * surfaces are not clipped, as they may meet these. */
 static REAL end_of_range(const Scene *scene, const Leaving *ray) {
     REAL end = INFINITY;
-    for (int plane = 0; !scene->unclipped && plane < scene->spheres.planes; plane++) {
-        const real4 S = scene->spheres.clip[2 * plane], m = scene->spheres.clip[2 * plane + 1];
+    for (int plane = 0; !scene->unclipped && plane < scene->geometry.planes; plane++) {
+        const real4 S = scene->geometry.clip[2 * plane], m = scene->geometry.clip[2 * plane + 1];
         const Real3 f = {(ray->center.x - S.x) + ray->p.x, (ray->center.y - S.y) + ray->p.y,
                          (ray->center.z - S.z) + ray->p.z};
         const REAL h = DOT(m, f) + HEIGHT_ERROR * size_of_normal(m) * (size_of(f) + ray->reach);
@@ -147,20 +147,20 @@ static Height chosen_height(const REAL_MASK first, const Height a, const Height 
     return c;
 }
 
-static Entry entry_of(const Spheres spheres, const Leaving ray) {
-    const PairRay fine = pair_ray(spheres, ray);
-    Height last = height_along(spheres, ray, fine, 0);
+static Entry entry_of(const Geometry geometry, const Leaving ray) {
+    const PairRay fine = pair_ray(geometry, ray);
+    Height last = height_along(geometry, ray, fine, 0);
     Entry entry = {0, -1};
-    for (int plane = 0; plane < spheres.planes; plane++) {
-        const Height at = height_along(spheres, ray, fine, plane);
+    for (int plane = 0; plane < geometry.planes; plane++) {
+        const Height at = height_along(geometry, ray, fine, plane);
         const REAL_MASK enters = (at.h.hi < -PAIR_ERROR * at.h_size) & (at.g.hi > PAIR_ERROR * at.g_size);
         const REAL_MASK later = enters & (!TO_REAL_MASK(entry.here) | (plane_order(at, last) < 0));
         last = chosen_height(later, at, last);
         entry.here = entry.here | TO_MASK(later);
         PUT_WHERE(TO_MASK(later), entry.plane, (INT)plane);
     }
-    for (int plane = 0; plane < spheres.planes && ANY(entry.here); plane++)
-        entry.here = entry.here & !TO_MASK(plane_order(height_along(spheres, ray, fine, plane), last) < 0);
+    for (int plane = 0; plane < geometry.planes && ANY(entry.here); plane++)
+        entry.here = entry.here & !TO_MASK(plane_order(height_along(geometry, ray, fine, plane), last) < 0);
     const Pair t = over(minus(pair(0, 0), last.h), last.g);
     entry.t = t.hi;
     entry.point.x = plus(fine.step.x, times(t, fine.w.x));
@@ -176,8 +176,8 @@ static Hit hit_alone(const Scene *scene, const Ray ray, const EyeLine *line, con
     Hit hit = no_hit();
     EyeLine own = *line;
     own.found = 0;
-    if (!ASK_SHAPE(scene->spheres, index, take(scene, ray, &own, index, &hit, work))) return hit;
-    EACH_SHAPE(scene->spheres, hit.id, settle(scene, ray, &hit));
+    if (!ASK_SHAPE(scene->geometry, index, take(scene, ray, &own, index, &hit, work))) return hit;
+    EACH_SHAPE(scene->geometry, hit.id, settle(scene, ray, &hit));
     hit.id = TO_MASK(hit.t < INFINITY) ? hit.id : (INT)-1;
     return hit;
 }
@@ -190,7 +190,7 @@ static __attribute__((noinline)) int meet_in_region(const Scene *scene, const Ra
     const Hit alone = hit_alone(scene, ray, line, index, work);
     MASK met = alone.id >= 0;
     if (!ANY(met) || is_over(scene)) return 0;
-    const Leaving way = from_eye(scene->spheres, eye_ray(ray));
+    const Leaving way = from_eye(scene->geometry, eye_ray(ray));
     met = counts(scene, &way, (INT)index, alone.t, hit->plane, met);
     if (!ANY(met)) return 0;
     const MASK capped = hit->plane >= 0, close = met & !capped & TO_MASK(too_close(alone.t, hit->t));
@@ -240,10 +240,10 @@ static void count_triangle(const Scene *scene, const Leaving *way, const Entry *
     if (!ANY(met)) return;
     const int bit = scene->solid_of[index] - 1 - closed->first;
     closed->triangle[bit] = index;
-    for (int plane = 0; plane < scene->spheres.planes; plane++) {
+    for (int plane = 0; plane < scene->geometry.planes; plane++) {
         const MASK here = met & (entry->plane == plane);
         if (!ANY(here)) continue;
-        const REAL sign = height_signs(scene->spheres, way, plane, (INT)index, t, here, 0);
+        const REAL sign = height_signs(scene->geometry, way, plane, (INT)index, t, here, 0);
         closed->odd ^= (here & TO_MASK(sign > 0)) ? (INT)(1 << bit) : (INT)0;
         closed->on |= (here & TO_MASK(sign == 0)) ? (INT)(1 << bit) : (INT)0;
     }
@@ -262,7 +262,7 @@ static void add_meshes(const Scene *scene, Closed *closed) {
 /* Adds a surface if it is convex and contains the entries. */
 static void add_if_convex(const Scene *scene, const Leaving *way, const Entry *entry, const int index, Closed *closed) {
     if (closed->first > 0 || scene->solid_of[index] != 0) return;
-    const MASK inside = ASK_SHAPE(scene->spheres, index,
+    const MASK inside = ASK_SHAPE(scene->geometry, index,
                                   contains(scene, way->center, entry->point, entry->error, index));
     add_closed(scene, index, entry->here & inside, closed);
 }
@@ -276,7 +276,7 @@ static __attribute__((noinline)) Closed closed_of_all(const Scene *scene, const 
             if (!is_counted(scene, index, &closed)) continue;
             Encounter at = {INFINITY};
             const INT asked = entry->here ? (INT)index : (INT)-1;
-            EACH_SHAPE(scene->spheres, asked, encounter(scene, *way, asked, &at));
+            EACH_SHAPE(scene->geometry, asked, encounter(scene, *way, asked, &at));
             count_triangle(scene, way, entry, index, at.t, TO_MASK(at.t < INFINITY), &closed);
         }
         add_meshes(scene, &closed);
@@ -314,8 +314,8 @@ static Closed closed_of_tile(const Scene *scene, const Ray ray, const Leaving *w
 static __attribute__((noinline)) float meet_caps(const Scene *scene, const Ray *of, const EyeLine *line,
                                                  const int2 tile, Hit *hit, Work *work) {
     const Ray ray = *of;
-    const Leaving way = from_eye(scene->spheres, eye_ray(ray));
-    const Entry entry = entry_of(scene->spheres, way);
+    const Leaving way = from_eye(scene->geometry, eye_ray(ray));
+    const Entry entry = entry_of(scene->geometry, way);
     if (!ANY(entry.here)) return INFINITY;
     const Closed closed = closed_of_tile(scene, ray, &way, tile, line, &entry, work);
     const MASK cap = closed.index >= 0;
@@ -331,7 +331,7 @@ static __attribute__((noinline)) void meet_caps_from(const Scene *scene, const L
                                                      Met *met) {
     const MASK asked = live & are_unclipped(scene, ray->own);
     if (!ANY(asked)) return;
-    Entry entry = entry_of(scene->spheres, *ray);
+    Entry entry = entry_of(scene->geometry, *ray);
     entry.here = entry.here & asked;
     if (!ANY(entry.here)) return;
     const Closed closed = closed_of_all(scene, ray, &entry);

@@ -5,7 +5,7 @@
 /* The number of `unstoppable` that has the bit of each lane's triangle; 0 of other surfaces. */
 static INT bits_of_triangles(const Scene *scene, const int light, const INT own) {
     __global const int *bits = scene->unstoppable + (long)light * ((scene->triangles + 31) / 32);
-    INT left = IS_TRIANGLE(scene->spheres, own) ? (own - FIRST_TRIANGLE(scene->spheres)) >> 5 : (INT)-1, found = 0;
+    INT left = IS_TRIANGLE(scene->geometry, own) ? (own - FIRST_TRIANGLE(scene->geometry)) >> 5 : (INT)-1, found = 0;
     for (int one = LARGEST(left); one >= 0; one = LARGEST(left)) {
         PUT_WHERE(left == one, found, (INT)bits[one]);
         left = left == one ? (INT)-1 : left;
@@ -15,7 +15,7 @@ static INT bits_of_triangles(const Scene *scene, const int light, const INT own)
 
 /* In which lanes the own surface is not known to be a triangle on which no shadow of a light can fall. */
 static MASK may_be_shaded(const Scene *scene, const int light, const INT own) {
-    return ((bits_of_triangles(scene, light, own) >> ((own - FIRST_TRIANGLE(scene->spheres)) & 31)) & 1) - 1;
+    return ((bits_of_triangles(scene, light, own) >> ((own - FIRST_TRIANGLE(scene->geometry)) & 31)) & 1) - 1;
 }
 #define IS_PROVED(scene, light) ((light) < (scene)->proved)
 #else
@@ -77,7 +77,7 @@ static Cell cell_on(const Grid grid, const ShadowRay ray, const MASK lit) {
 /* The way from P to a light. */
 static Leaving way_to_light(const Scene *scene, const ShadowRay *ray, const Start *start) {
     Start P = *start;
-    place_start(scene->spheres, &P);
+    place_start(scene->geometry, &P);
     const real4 L = scene->lamp[ray->number];
     const Real3 far = {(L.x - P.anchor.x) - P.step.x, (L.y - P.anchor.y) - P.step.y, (L.z - P.anchor.z) - P.step.z};
     const Real3 along = {L.x, L.y, L.z};
@@ -94,7 +94,7 @@ static __attribute__((noinline)) MASK stopped_by_caps(const Scene *scene, const 
     const MASK asked = lit & are_unclipped(scene, ray->own);
     if (!ANY(asked)) return 0;
     const Leaving way = way_to_light(scene, ray, start);
-    Entry entry = entry_of(scene->spheres, way);
+    Entry entry = entry_of(scene->geometry, way);
     entry.here = entry.here & asked;
     if (ray->at_point) entry.here = entry.here & TO_MASK(entry.t < 1);
     return ANY(entry.here) ? closed_of_all(scene, &way, &entry).index >= 0 : (MASK)0;
@@ -104,15 +104,15 @@ static __attribute__((noinline)) MASK stopped_by_caps(const Scene *scene, const 
  * in the region are in it from where they enter it. */
 static __attribute__((noinline)) MASK stops_in_region(const Scene *scene, const ShadowRay *ray, const Start *start,
                                                       const int index, const MASK stops) {
-    const Spheres spheres = scene->spheres;
+    const Geometry geometry = scene->geometry;
     if (scene->solid_of[index] < 0) return stops;
     const real4 L = scene->lamp[ray->number];
     const Real3 along = {L.x, L.y, L.z};
     const Leaving way = way_to_light(scene, ray, start);
     MASK open = are_unclipped(scene, ray->own);
-    for (int plane = 0; plane < spheres.planes; plane++) {
+    for (int plane = 0; plane < geometry.planes; plane++) {
         const REAL one = ray->at_point ? (REAL)1 : (REAL)0;
-        const real4 S = spheres.clip[2 * plane], m = spheres.clip[2 * plane + 1];
+        const real4 S = geometry.clip[2 * plane], m = geometry.clip[2 * plane + 1];
         const Real3 f = {L.x - S.x, L.y - S.y, L.z - S.z};
         const Real3 to = {ray->at_point ? f.x : along.x, ray->at_point ? f.y : along.y, ray->at_point ? f.z : along.z};
         open = open | TO_MASK(DOT(m, to) <= HEIGHT_ERROR * size_of_normal(m) * size_of(to) * one);
@@ -121,9 +121,9 @@ static __attribute__((noinline)) MASK stops_in_region(const Scene *scene, const 
     if (!ANY(open)) return stops;
     Encounter at = {INFINITY};
     const INT asked = open ? (INT)index : (INT)-1;
-    EACH_SHAPE(spheres, asked, encounter(scene, way, asked, &at));
+    EACH_SHAPE(geometry, asked, encounter(scene, way, asked, &at));
     const MASK met = open & TO_MASK(at.t < INFINITY);
-    return stops & (!met | in_region(spheres, &way, asked, at.t, met, LIGHT_ERROR));
+    return stops & (!met | in_region(geometry, &way, asked, at.t, met, LIGHT_ERROR));
 }
 #else
 #define stops_in_region(scene, ray, start, index, stops) stops
@@ -142,7 +142,7 @@ static MASK lit_after_list(const Scene *scene, const ShadowRay ray, const Start 
         const MASK may = in & lit & (ray.depth > as_float(entry.y));
         if (!ANY(may)) break;
         if (ANY_FETCHED) fetch_entry(scene, ray.number, k + AHEAD);
-        const MASK stops = ASK_SHAPE(scene->spheres, entry.x, shadow(scene, ray, start, entry.x, may, work));
+        const MASK stops = ASK_SHAPE(scene->geometry, entry.x, shadow(scene, ray, start, entry.x, may, work));
         lit = lit & !(ANY(stops) ? stops_in_region(scene, &ray, &start, entry.x, stops) : stops);
     }
     return lit;

@@ -20,7 +20,7 @@ static void meet(const Scene *scene, const Leaving ray, const INT index, Met *me
     const MASK wanted = index >= 0;
     COUNT(DECIDED, wanted);
     Encounter at = met->at;
-    EACH_SHAPE(scene->spheres, index, encounter(scene, ray, index, &at));
+    EACH_SHAPE(scene->geometry, index, encounter(scene, ray, index, &at));
 #ifdef WITH_PLANES
     const MASK capped = met->plane >= 0, some = wanted & TO_MASK(at.t < INFINITY);
     PUT_WHERE(TO_REAL_MASK(!counts(scene, &ray, index, at.t, met->plane, some)), at.t, (REAL)INFINITY);

@@ -8,16 +8,16 @@ static __attribute__((noinline)) void put_caps(const Frame *camera, const Scene 
                                                const INT planes, const Real3 P, Intersection *at) {
     const Frame frame = *camera;
     const Leaving way = *ray;
-    const PairRay fine = pair_ray(scene->spheres, way);
-    for (int plane = 0; plane < scene->spheres.planes; plane++) {
+    const PairRay fine = pair_ray(scene->geometry, way);
+    for (int plane = 0; plane < scene->geometry.planes; plane++) {
         const MASK cap = planes == plane;
         if (!ANY(cap)) continue;
         const REAL_MASK here = TO_REAL_MASK(cap);
-        const real4 S = scene->spheres.clip[2 * plane], m = scene->spheres.clip[2 * plane + 1];
+        const real4 S = scene->geometry.clip[2 * plane], m = scene->geometry.clip[2 * plane + 1];
         const REAL over_size = -1 / sqrt((REAL)((m.x * m.x + m.y * m.y) + m.z * m.z));
         const Real3 outward = {over_size * m.x, over_size * m.y, over_size * m.z}, none = {0, 0, 0};
         const Real3 n = turned_to_camera(frame, outward);
-        const Height height = height_along(scene->spheres, way, fine, plane);
+        const Height height = height_along(scene->geometry, way, fine, plane);
         const Pair t = over(minus(pair(0, 0), height.h), height.g);
         const Real3 place = {plus(pair(way.center.x, 0), plus(fine.step.x, times(t, fine.w.x))).hi,
                              plus(pair(way.center.y, 0), plus(fine.step.y, times(t, fine.w.y))).hi,
@@ -60,11 +60,11 @@ static __attribute__((always_inline)) void put_surfaces(const Frame frame, const
 #else
 #define own hit
 #endif
-    if (HAS(WITH_NORMAL)) EACH_SHAPE(scene->spheres, own.id, put(frame, scene, ray, own, at));
+    if (HAS(WITH_NORMAL)) EACH_SHAPE(scene->geometry, own.id, put(frame, scene, ray, own, at));
     if (HAS(WITH_TEXTURES)) paint(scene, own.id, at);
 #ifdef WITH_PLANES
     if (ANY(hit.plane >= 0)) {
-        const Leaving way = from_eye(scene->spheres, eye_ray(ray));
+        const Leaving way = from_eye(scene->geometry, eye_ray(ray));
         put_caps(&frame, scene, &way, hit.plane, point_at(ray, hit.t), at);
     }
 #else
@@ -83,7 +83,7 @@ static Intersection intersection_from(const Frame frame, const Scene *scene, con
 #else
 #define own met
 #endif
-    EACH_SHAPE(scene->spheres, own.id, put_from(frame, scene, ray, own, &at));
+    EACH_SHAPE(scene->geometry, own.id, put_from(frame, scene, ray, own, &at));
     if (HAS(WITH_TEXTURES)) paint(scene, own.id, &at);
 #ifdef WITH_PLANES
     if (ANY(met.plane >= 0)) put_caps(&frame, scene, &ray, met.plane, point_from(frame, scene, ray, met), &at);

@@ -278,7 +278,7 @@ static Gathered gather(const Frame frame, const Scene *scene, const Real3 d, Int
                     all.rays += rays.live ? (INT)1 : (INT)0;
                     if (ANY(all.rays > MOST_RAYS)) return all;
                 }
-                path = leaving(frame, scene->spheres, rays.own, rays.inner, rays.n, rays.q, rays.d);
+                path = leaving(frame, scene->geometry, rays.own, rays.inner, rays.n, rays.q, rays.d);
                 met = closest_from(scene, &path, rays.live, FAR_END(scene, &path), work);
                 add_to(&all.sum, rays.live & (met.id < 0), rays.weight, background);
                 rays.live = rays.live & (met.id >= 0);

@@ -25,7 +25,7 @@ static INT primitives_of(const Scene *scene, const INT index) {
     int each[W];
     STORE_LANES(index, each);
     for (int lane = 0; lane < W; lane++)
-        each[lane] = each[lane] < 0 ? -1 : ASK_SHAPE(scene->spheres, each[lane], primitive(scene, each[lane]));
+        each[lane] = each[lane] < 0 ? -1 : ASK_SHAPE(scene->geometry, each[lane], primitive(scene, each[lane]));
     return LOAD_LANES(each);
 }
 
@@ -43,41 +43,42 @@ static int meet_in_region(const Scene *scene, const Ray *ray, const EyeLine *lin
 /* Takes a surface into account, and tells whether any lane's hit may be another one now. */
 static __attribute__((always_inline)) int meet_surface(const Scene *scene, const Ray ray, EyeLine *line,
                                                        const int index, Hit *hit, Work *work) {
-    return ASK_SHAPE(scene->spheres, index, take(scene, ray, line, index, hit, work));
+    return ASK_SHAPE(scene->geometry, index, take(scene, ray, line, index, hit, work));
 }
 
 /* Puts into a hit what its shape tells late. */
 static __attribute__((always_inline)) void settle_hit(const Scene *scene, const Ray ray, Hit *hit) {
-    EACH_SHAPE(scene->spheres, hit->id, settle(scene, ray, hit));
+    EACH_SHAPE(scene->geometry, hit->id, settle(scene, ray, hit));
 }
 #endif
 
 #ifdef WITH_PLACED
-static void place_start(const Spheres spheres, Start *start) {
-    EACH_SHAPE(spheres, start->index, place(spheres, start));
+static void place_start(const Geometry geometry, Start *start) {
+    EACH_SHAPE(geometry, start->index, place(geometry, start));
 }
 #endif
 
 #ifdef WITH_LEAVING
 #if REAL_BYTES == 8
-static Pair3 fine_start(const Spheres spheres, const Leaving ray) {
+static Pair3 fine_start(const Geometry geometry, const Leaving ray) {
     Pair3 step = {pair(0, 0), pair(0, 0), pair(0, 0)};
     if (HAS(WITH_RAYS)) {
         const Pair3 known = {pair(ray.p.x, ray.q.x), pair(ray.p.y, ray.q.y), pair(ray.p.z, ray.q.z)};
         return known;
     }
-    EACH_SHAPE(spheres, ray.own, fine_start(spheres, ray, &step));
+    EACH_SHAPE(geometry, ray.own, fine_start(geometry, ray, &step));
     const MASK eye = ray.own < 0;
     if (!HAS(WITH_SHAPES) || !ANY(eye)) return step;
     Pair3 from = {pair(0, 0), pair(0, 0), pair(0, 0)};
-    if (HAS(WITH_PARALLEL_RAYS)) from = choose_pairs(TO_REAL_MASK(ray.own == -1), pairs_in_world(spheres, ray.q), from);
+    if (HAS(WITH_PARALLEL_RAYS))
+        from = choose_pairs(TO_REAL_MASK(ray.own == -1), pairs_in_world(geometry, ray.q), from);
     return choose_pairs(TO_REAL_MASK(eye), from, step);
 }
 
 /* t of rays that meet what they name, in pairs, and a bound of what it is off by. */
-static __attribute__((noinline)) FineT fine_t_of(const Spheres spheres, const Leaving ray, const INT index) {
+static __attribute__((noinline)) FineT fine_t_of(const Geometry geometry, const Leaving ray, const INT index) {
     FineT t = {pair(0, 0), 0};
-    EACH_SHAPE(spheres, index, fine_t(spheres, ray, index, &t));
+    EACH_SHAPE(geometry, index, fine_t(geometry, ray, index, &t));
     return t;
 }
 #endif
@@ -90,13 +91,13 @@ static __attribute__((noinline)) REAL_MASK comes_first_of(const Scene *scene, co
     if (is_over(scene)) return first;
 #if REAL_BYTES == 8
     REAL_MASK open = TO_REAL_MASK(A != B);
-    EACH_SHAPE(scene->spheres, A, leave_out_tied(scene->spheres, A, B, &open));
-    if (!UNDECIDED(scene->spheres, ANY(TO_MASK(open)))) return first;
-    const FineT t = fine_t_of(scene->spheres, ray, A), other = fine_t_of(scene->spheres, ray, B);
+    EACH_SHAPE(scene->geometry, A, leave_out_tied(scene->geometry, A, B, &open));
+    if (!UNDECIDED(scene->geometry, ANY(TO_MASK(open)))) return first;
+    const FineT t = fine_t_of(scene->geometry, ray, A), other = fine_t_of(scene->geometry, ray, B);
     const REAL gap = (t.t.hi - other.t.hi) + (t.t.lo - other.t.lo), error = t.error + other.error;
     REAL_MASK close = open & (gap >= -error) & (gap <= error);
-    EACH_SHAPE(scene->spheres, A, break_tie(scene->spheres, ray, A, B, &close, &first));
-    if (HAS(WITH_RAYS) && ANY(TO_MASK(close))) mark_undecided(scene->spheres);
+    EACH_SHAPE(scene->geometry, A, break_tie(scene->geometry, ray, A, B, &close, &first));
+    if (HAS(WITH_RAYS) && ANY(TO_MASK(close))) mark_undecided(scene->geometry);
     first = open ? (gap < -error) | (!(gap > error) & first) : first;
 #endif
     return first;
@@ -105,24 +106,24 @@ static __attribute__((noinline)) REAL_MASK comes_first_of(const Scene *scene, co
 static __attribute__((noinline)) REAL_MASK comes_before(const Scene *scene, const EyeRay *ray, const REAL t,
                                                         const INT index, const Rival *hit) {
     REAL rival = hit->t;
-    EACH_SHAPE(scene->spheres, hit->id, settle_t(scene, *ray, *hit, &rival));
+    EACH_SHAPE(scene->geometry, hit->id, settle_t(scene, *ray, *hit, &rival));
     const REAL_MASK close = too_close(t, rival);
     if (!ANY(TO_MASK(close))) return t < rival;
     const INT other = TO_MASK(close) ? hit->id : index;
-    return close ? comes_first_of(scene, from_eye(scene->spheres, *ray), index, other) : t < rival;
+    return close ? comes_first_of(scene, from_eye(scene->geometry, *ray), index, other) : t < rival;
 }
 
 #ifdef WITH_PLANES
 static void leave_cap(Leaving *ray);
 #endif
 /* A ray that leaves a surface, in camera space along d. inner, n, q: as in Leaving. */
-static Leaving leaving(const Frame frame, const Spheres spheres, const INT own, const REAL_MASK inner, const Real3 n,
+static Leaving leaving(const Frame frame, const Geometry geometry, const INT own, const REAL_MASK inner, const Real3 n,
                        const Real3 q, const Real3 d) {
     Leaving ray = {own, inner, n, d};
     if (HAS(WITH_SHAPES)) ray.q = q;
     ray.w = turned_to_world(frame, d);
     ray.w1 = size_of(ray.w);
-    EACH_SHAPE(spheres, own, leave(frame, spheres, &ray));
+    EACH_SHAPE(geometry, own, leave(frame, geometry, &ray));
 #ifdef WITH_PLANES
     leave_cap(&ray);
 #endif
@@ -132,7 +133,7 @@ static Leaving leaving(const Frame frame, const Spheres spheres, const INT own, 
 /* Where a ray that left a surface has met another one, rounded, in camera space. */
 static Real3 point_from(const Frame frame, const Scene *scene, const Leaving ray, const Met met) {
     const Real3 C = ray.center, p = ray.p, w = ray.w;
-    const real4 eye = scene->spheres.eye;
+    const real4 eye = scene->geometry.eye;
     const Real3 way = {(C.x - eye.x) + (p.x + met.at.t * w.x), (C.y - eye.y) + (p.y + met.at.t * w.y),
                        (C.z - eye.z) + (p.z + met.at.t * w.z)};
     return turned_to_camera(frame, way);

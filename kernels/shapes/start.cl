@@ -84,5 +84,5 @@ static Real3 towards(const Start P, const Real3 point) {
 
 #if REAL_BYTES == 8
 /* From a ray's `center` to where it starts: dispatch.cl asks the shape that it leaves. */
-static Pair3 fine_start(const Spheres spheres, const Leaving ray);
+static Pair3 fine_start(const Geometry geometry, const Leaving ray);
 #endif

@@ -21,8 +21,8 @@ typedef struct {
     REAL r, span;        /* span: u.u; where `real` is float, |E - S| */
 } Rod;
 
-static Rod rod_at(const Spheres spheres, const int number) {
-    const real4 s = spheres.rod[2 * number], e = spheres.rod[2 * number + 1];
+static Rod rod_at(const Geometry geometry, const int number) {
+    const real4 s = geometry.rod[2 * number], e = geometry.rod[2 * number + 1];
     Rod rod = {{s.x, s.y, s.z}, {e.x, e.y, e.z}, {e.x, e.y, e.z}, s.w, e.w};
     if (REAL_BYTES == 8) {
         rod.u.x = e.x - s.x;
@@ -34,14 +34,14 @@ static Rod rod_at(const Spheres spheres, const int number) {
 }
 
 /* Each lane's cylinder. Lanes with a negative number get any one. */
-static Rod rods_of(const Spheres spheres, const INT number) {
+static Rod rods_of(const Geometry geometry, const INT number) {
     int one = LARGEST(number);
-    Rod own = rod_at(spheres, max(one, 0));
+    Rod own = rod_at(geometry, max(one, 0));
     INT left = number == one ? (INT)-1 : number;
     while (ANY(left >= 0)) {
         one = LARGEST(left);
         const REAL_MASK here = TO_REAL_MASK(left == one);
-        const Rod rod = rod_at(spheres, one);
+        const Rod rod = rod_at(geometry, one);
         PUT3(PUT_WHERE, here, own.start, rod.start);
         PUT3(PUT_WHERE, here, own.end, rod.end);
         PUT3(PUT_WHERE, here, own.u, rod.u);
@@ -428,16 +428,16 @@ static RodMeeting rod_meet(const RodRay ray, const Rod rod, const REAL_MASK want
 
 /* The same of a ray that leaves a point or comes from the eye, where pairs decide what double cannot. index: each
  * lane's surface, number: the same among cylinders. */
-static __attribute__((noinline)) RodMeeting rod_encounter(const Spheres spheres, const Leaving ray, const INT index,
+static __attribute__((noinline)) RodMeeting rod_encounter(const Geometry geometry, const Leaving ray, const INT index,
                                                           const REAL_MASK wanted) {
-    const Rod rod = rods_of(spheres, CYLINDER_OR_NONE(spheres, index));
+    const Rod rod = rods_of(geometry, CYLINDER_OR_NONE(geometry, index));
     const RodRay way = rod_ray_of(ray, index);
     RodMeeting at = rod_meet(way, rod, wanted);
 #if REAL_BYTES == 8
-    if (!UNDECIDED(spheres, ANY(TO_MASK(at.unsure)))) return at;
-    const RodFineRay fine = {fine_start(spheres, ray), pairs_in_world(spheres, ray.d)};
+    if (!UNDECIDED(geometry, ANY(TO_MASK(at.unsure)))) return at;
+    const RodFineRay fine = {fine_start(geometry, ray), pairs_in_world(geometry, ray.d)};
     const FineRod found = fine_rod(way, fine, rod, 0);
-    if (HAS(WITH_RAYS) && !ANY(TO_MASK(found.known))) mark_undecided(spheres);
+    if (HAS(WITH_RAYS) && !ANY(TO_MASK(found.known))) mark_undecided(geometry);
     const REAL_MASK hit = found.is.hit & (found.t.t.hi > 0);
     at.t = at.unsure ? (hit ? found.t.t.hi : (REAL)INFINITY) : at.t;
     at.is.hit = at.unsure ? hit : at.is.hit;
@@ -516,12 +516,12 @@ static MASK is_between_discs(const RodLine line, const float end) {
 /* What is read of cylinders. light: the number of a light, -1: the eye. */
 
 static void cylinder_fetch(const Scene *scene, const int light, const int index) {
-    FETCH(scene->rod_seen, 2 * (index - FIRST_CYLINDER(scene->spheres)));
-    FETCH(scene->spheres.rod, 2 * (index - FIRST_CYLINDER(scene->spheres)));
+    FETCH(scene->rod_seen, 2 * (index - FIRST_CYLINDER(scene->geometry)));
+    FETCH(scene->geometry.rod, 2 * (index - FIRST_CYLINDER(scene->geometry)));
 }
 
 static void cylinder_fetch_first(const Scene *scene, const int light, const int index) {
-    FETCH(scene->rod_seen, 2 * (index - FIRST_CYLINDER(scene->spheres)));
+    FETCH(scene->rod_seen, 2 * (index - FIRST_CYLINDER(scene->geometry)));
 }
 
 /* Leaves of the tree hold them as balls. */

@@ -5,9 +5,9 @@
 /* Puts t of the lanes that have hit cylinders so far into theirs. */
 static __attribute__((noinline)) void cylinder_settle_t(const Scene *scene, const EyeRay ray, const Rival hit,
                                                         REAL *t) {
-    const MASK here = IS_CYLINDER(scene->spheres, hit.id);
+    const MASK here = IS_CYLINDER(scene->geometry, hit.id);
     if (!ANY(here)) return;
-    const RodMeeting at = rod_encounter(scene->spheres, from_eye(scene->spheres, ray), hit.id, TO_REAL_MASK(here));
+    const RodMeeting at = rod_encounter(scene->geometry, from_eye(scene->geometry, ray), hit.id, TO_REAL_MASK(here));
     PUT_WHERE(TO_REAL_MASK(here), *t, at.t);
 }
 
@@ -41,7 +41,7 @@ static __attribute__((always_inline)) int cylinder_take(const Scene *scene, cons
                                                         const int index, Hit *hit, Work *work) {
     MASK open = ALL_LANES, first = 0;
     if (HAS(WITH_FILTER)) {
-        const RodSight sight = rod_sight(scene, *line, index - FIRST_CYLINDER(scene->spheres));
+        const RodSight sight = rod_sight(scene, *line, index - FIRST_CYLINDER(scene->geometry));
         if (!ANY(sight.may)) {
             COUNT(FILTERED, ALL_LANES);
             return 0;
@@ -56,7 +56,7 @@ static __attribute__((always_inline)) int cylinder_take(const Scene *scene, cons
     }
     COUNT(DECIDED, open);
     const EyeRay own = eye_ray(ray);
-    const REAL t = rod_encounter(scene->spheres, from_eye(scene->spheres, own), (INT)index, TO_REAL_MASK(open)).t;
+    const REAL t = rod_encounter(scene->geometry, from_eye(scene->geometry, own), (INT)index, TO_REAL_MASK(open)).t;
     const MASK met = open & TO_MASK(t < INFINITY);
     if (!ANY(met)) return ANY(first);
     const Bounds near = near_of(t, scene->unit);
@@ -78,7 +78,7 @@ static __attribute__((always_inline)) void cylinder_settle(const Scene *scene, c
     const Rival rival = {hit->t, hit->id, hit->sure};
     cylinder_settle_t(scene, eye_ray(ray), rival, &hit->t);
     if (REAL_BYTES == 8) return;
-    const MASK lost = IS_CYLINDER(scene->spheres, hit->id) & TO_MASK(!(hit->t < INFINITY));
+    const MASK lost = IS_CYLINDER(scene->geometry, hit->id) & TO_MASK(!(hit->t < INFINITY));
     PUT_WHERE(TO_REAL_MASK(lost), hit->t, TO_REAL(far_of(hit->near.low)));
 }
 
@@ -110,16 +110,16 @@ static Place3 rod_place(const Rod rod, const Real3 q) {
 }
 
 /* Puts where rays leave cylinders into their lanes. */
-static void cylinder_leave(const Frame frame, const Spheres spheres, Leaving *ray) {
-    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(spheres, ray->own));
-    const Place3 place = rod_place(rods_of(spheres, CYLINDER_OR_NONE(spheres, ray->own)), ray->q);
+static void cylinder_leave(const Frame frame, const Geometry geometry, Leaving *ray) {
+    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(geometry, ray->own));
+    const Place3 place = rod_place(rods_of(geometry, CYLINDER_OR_NONE(geometry, ray->own)), ray->q);
     leave_place(here, place, ray);
 }
 
 #ifdef WITH_PLANES
 /* Where points that are `step` from A are strictly inside of a cylinder. error: of the step. */
 static MASK cylinder_contains(const Scene *scene, const Real3 A, const Pair3 step, const REAL error, const int index) {
-    const Rod rod = rod_at(scene->spheres, index - FIRST_CYLINDER(scene->spheres));
+    const Rod rod = rod_at(scene->geometry, index - FIRST_CYLINDER(scene->geometry));
     const Pair3 p = {plus(two_sum(A.x, -rod.start.x), step.x), plus(two_sum(A.y, -rod.start.y), step.y),
                      plus(two_sum(A.z, -rod.start.z), step.z)};
 #if REAL_BYTES == 8
@@ -140,13 +140,13 @@ static MASK cylinder_contains(const Scene *scene, const Real3 A, const Pair3 ste
 #endif
 
 /* What shadow rays start with is known since the point was met. */
-static void cylinder_place(const Spheres spheres, Start *start) {
+static void cylinder_place(const Geometry geometry, Start *start) {
 }
 
 /* Puts where the lanes' rays meet the cylinders that `index` names into their lanes. */
 static void cylinder_encounter(const Scene *scene, const Leaving ray, const INT index, Encounter *at) {
-    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(scene->spheres, index));
-    const RodMeeting met = rod_encounter(scene->spheres, ray, index, here);
+    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(scene->geometry, index));
+    const RodMeeting met = rod_encounter(scene->geometry, ray, index, here);
     PUT_OF_SHAPE(here, at->t, met.t);
     PUT_OF_SHAPE(here, at->inside, !met.is.out);
 }
@@ -159,9 +159,9 @@ static int cylinder_primitive(const Scene *scene, const int index) {
 #if REAL_BYTES == 8
 /* Puts the way from the anchor to the point that rays leave into their lanes, in pairs. With v = 2^-53, u is exact, e1
  * and e2 are off by 10 v^2 of their sizes, m by 30 v^2 and m / |m| by 60 v^2. */
-static void cylinder_fine_start(const Spheres spheres, const Leaving ray, Pair3 *step) {
-    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(spheres, ray.own));
-    const Rod rod = rods_of(spheres, CYLINDER_OR_NONE(spheres, ray.own));
+static void cylinder_fine_start(const Geometry geometry, const Leaving ray, Pair3 *step) {
+    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(geometry, ray.own));
+    const Rod rod = rods_of(geometry, CYLINDER_OR_NONE(geometry, ray.own));
     const Pair3 u = {two_sum(rod.end.x, -rod.start.x), two_sum(rod.end.y, -rod.start.y),
                      two_sum(rod.end.z, -rod.start.z)};
     const REAL x = fabs(rod.u.x), y = fabs(rod.u.y), z = fabs(rod.u.z);
@@ -184,16 +184,16 @@ static void cylinder_fine_start(const Spheres spheres, const Leaving ray, Pair3 
 }
 
 /* Puts t of rays that meet cylinders into their lanes, in pairs, and a bound of what it is off by. */
-static void cylinder_fine_t(const Spheres spheres, const Leaving ray, const INT index, FineT *t) {
-    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(spheres, index));
-    const RodFineRay way = {fine_start(spheres, ray), pairs_in_world(spheres, ray.d)};
-    const Rod rod = rods_of(spheres, CYLINDER_OR_NONE(spheres, index));
+static void cylinder_fine_t(const Geometry geometry, const Leaving ray, const INT index, FineT *t) {
+    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(geometry, index));
+    const RodFineRay way = {fine_start(geometry, ray), pairs_in_world(geometry, ray.d)};
+    const Rod rod = rods_of(geometry, CYLINDER_OR_NONE(geometry, index));
     const FineRod fine = fine_rod(rod_ray_of(ray, index), way, rod, 0);
     t->t = choose_pair(here, fine.t.t, t->t);
     t->error = here ? fine.t.error : t->error;
 }
 
 /* Of cylinders no such thing is known, and they break no tie by themselves. */
-#define cylinder_leave_out_tied(spheres, A, B, open)
-#define cylinder_break_tie(spheres, ray, A, B, close, first)
+#define cylinder_leave_out_tied(geometry, A, B, open)
+#define cylinder_break_tie(geometry, ray, A, B, close, first)
 #endif

@@ -14,11 +14,11 @@ static RodRay rod_ray_to(const real4 lamp, const int at_point, const Start P) {
 
 #if REAL_BYTES == 8
 /* As decide_rod(), in pairs. */
-static __attribute__((noinline)) REAL_MASK rod_stops_finely(const Spheres spheres, const real4 lamp, const int at_point,
-                                                            const Start *P, const Rod rod) {
+static __attribute__((noinline)) REAL_MASK rod_stops_finely(const Geometry geometry, const real4 lamp,
+                                                            const int at_point, const Start *P, const Rod rod) {
     const Real3 to = {lamp.x, lamp.y, lamp.z};
     const Leaving point = leaving_to(*P, to);
-    const Pair3 step = fine_start(spheres, point);
+    const Pair3 step = fine_start(geometry, point);
     const Pair3 whole = {pair(to.x, 0), pair(to.y, 0), pair(to.z, 0)};
     const Pair3 way = {minus(two_sum(to.x, -P->anchor.x), step.x), minus(two_sum(to.y, -P->anchor.y), step.y),
                        minus(two_sum(to.z, -P->anchor.z), step.z)};
@@ -32,19 +32,19 @@ static __attribute__((noinline)) REAL_MASK rod_stops_finely(const Spheres sphere
 #endif
 
 /* The lanes of `wanted` in which a cylinder, which is not the own surface, stands between P and the light. */
-static __attribute__((noinline)) MASK decide_rod(const Spheres spheres, const real4 lamp, const int at_point,
+static __attribute__((noinline)) MASK decide_rod(const Geometry geometry, const real4 lamp, const int at_point,
                                                  const Start *from, const int number, const MASK wanted) {
     Start P = *from;
-    place_start(spheres, &P);
-    const Rod rod = rod_at(spheres, number);
+    place_start(geometry, &P);
+    const Rod rod = rod_at(geometry, number);
     const RodMeeting at = rod_meet(rod_ray_to(lamp, at_point, P), rod, TO_REAL_MASK(wanted));
     REAL_MASK stops = at.t < (at_point ? (REAL)1 : (REAL)INFINITY);
 #if REAL_BYTES == 8
     REAL_MASK unsure = at.unsure;
     /* t is right to 2^-24 of itself, see rod_is_sure(). */
     if (at_point) unsure = unsure | (fabs(at.t - 1) < 0x1p-20);
-    if (UNDECIDED(spheres, ANY(TO_MASK(unsure)))) {
-        const REAL_MASK fine = rod_stops_finely(spheres, lamp, at_point, &P, rod);
+    if (UNDECIDED(geometry, ANY(TO_MASK(unsure)))) {
+        const REAL_MASK fine = rod_stops_finely(geometry, lamp, at_point, &P, rod);
         stops = unsure ? fine : stops;
     }
 #endif
@@ -91,7 +91,7 @@ static RodGuess guess_rod(const Scene *scene, const ShadowRay ray, const int num
  * does if and only if the light is outside of it. */
 static MASK cylinder_shadow(const Scene *scene, const ShadowRay ray, const Start start, const int index, MASK may,
                             Work *work) {
-    const int number = index - FIRST_CYLINDER(scene->spheres);
+    const int number = index - FIRST_CYLINDER(scene->geometry);
     const MASK own = may & (ray.own == index);
     const RodGuess guess = guess_rod(scene, ray, number, may & !own);
     MASK stops = own & TO_MASK(start.side < 0);
@@ -102,7 +102,7 @@ static MASK cylinder_shadow(const Scene *scene, const ShadowRay ray, const Start
     if (!ANY(open)) return stops;
     COUNT(DECIDED, open);
     if (is_over(scene)) return stops;
-    return stops | decide_rod(scene->spheres, scene->lamp[ray.number], ray.at_point, &start, number, open);
+    return stops | decide_rod(scene->geometry, scene->lamp[ray.number], ray.at_point, &start, number, open);
 }
 
 /* Points of cylinders that rays have met: their normals, and what starts there. */
@@ -161,9 +161,9 @@ static void map_rods(const REAL_MASK here, const Rod rod, const Real3 q, Interse
  */
 static __attribute__((always_inline)) void round_off(const Frame frame, const Scene *scene, const Leaving ray,
                                                      const INT id, const REAL t, const Real3 P, Intersection *at) {
-    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(scene->spheres, id));
-    const Rod rod = rods_of(scene->spheres, CYLINDER_OR_NONE(scene->spheres, id));
-    const RodVerdict is = rod_encounter(scene->spheres, ray, id, here).is;
+    const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(scene->geometry, id));
+    const Rod rod = rods_of(scene->geometry, CYLINDER_OR_NONE(scene->geometry, id));
+    const RodVerdict is = rod_encounter(scene->geometry, ray, id, here).is;
     const RodPoint point = rod_point(ray, rod, t, is);
     const Real3 n = turned_to_camera(frame, point.n);
     PUT3(PUT_OF_SHAPE, here, at->normal, n);
@@ -182,7 +182,7 @@ static __attribute__((always_inline)) void round_off(const Frame frame, const Sc
 /* Puts what a ray from the eye has met into an intersection. */
 static __attribute__((always_inline)) void cylinder_put(const Frame frame, const Scene *scene, const Ray ray,
                                                         const Hit hit, Intersection *at) {
-    round_off(frame, scene, from_eye(scene->spheres, eye_ray(ray)), hit.id, hit.t, point_at(ray, hit.t), at);
+    round_off(frame, scene, from_eye(scene->geometry, eye_ray(ray)), hit.id, hit.t, point_at(ray, hit.t), at);
 }
 
 #ifdef WITH_BOUNCES

@@ -11,8 +11,8 @@
  */
 #if REAL_BYTES == 8
 /* B^T v. */
-static Pair3 pairs_in_world(const Spheres spheres, const Real3 v) {
-    const real4 right = spheres.camera[1], up = spheres.camera[2], back = spheres.camera[3];
+static Pair3 pairs_in_world(const Geometry geometry, const Real3 v) {
+    const real4 right = geometry.camera[1], up = geometry.camera[2], back = geometry.camera[3];
     const Pair3 w = {
         plus(plus(two_product(right.x, v.x), two_product(up.x, v.y)), two_product(back.x, v.z)),
         plus(plus(two_product(right.y, v.x), two_product(up.y, v.y)), two_product(back.y, v.z)),
@@ -73,13 +73,13 @@ static void fine_from_eye(const Ray ray, const Sphere sphere, const Pair3 f, con
  * coordinates of f, and by 13 u^2 F: below e = 2^-100 s. D comes from X, as above. c is off by 2 F 2^-102 s, 13 u^2 F^2
  * and 3 u^2 (F^2 + r^2).
  */
-static __attribute__((noinline)) Fine fine_quadratic(const Spheres spheres, const Ray ray, const Sphere sphere) {
+static __attribute__((noinline)) Fine fine_quadratic(const Geometry geometry, const Ray ray, const Sphere sphere) {
     Fine e;
-    const real4 eye = spheres.camera[0];
+    const real4 eye = geometry.camera[0];
     REAL x = 0, y = 0, z = 0, rest = 0;
     FOR_EACH_INDEX(one, sphere.index) {
         const REAL_MASK here = TO_REAL_MASK(sphere.index == one);
-        const real4 s = spheres.world[one];
+        const real4 s = geometry.world[one];
         PUT_WHERE(here, x, (REAL)s.x);
         PUT_WHERE(here, y, (REAL)s.y);
         PUT_WHERE(here, z, (REAL)s.z);
@@ -87,12 +87,12 @@ static __attribute__((noinline)) Fine fine_quadratic(const Spheres spheres, cons
     }
     Pair3 f = {two_sum(x, (REAL)-eye.x), two_sum(y, (REAL)-eye.y), two_sum(z, (REAL)-eye.z)};
     if (HAS(WITH_PARALLEL_RAYS)) {
-        const Pair3 o = pairs_in_world(spheres, ray.o);
+        const Pair3 o = pairs_in_world(geometry, ray.o);
         f.x = minus(f.x, o.x);
         f.y = minus(f.y, o.y);
         f.z = minus(f.z, o.z);
     }
-    e.w = pairs_in_world(spheres, ray.d);
+    e.w = pairs_in_world(geometry, ray.d);
     e.a = dot_pairs(e.w, e.w);
     e.b = dot_pairs(f, e.w);
     e.X = cross_pairs(f, e.w);
@@ -129,32 +129,32 @@ static double coordinate(const real4 v, const int i) {
     return i == 0 ? v.x : i == 1 ? v.y : v.z;
 }
 
-static Span span_of_axes(const Spheres spheres) {
-    return span_of_both(span_of_xyz(spheres.camera[1]),
-                        span_of_both(span_of_xyz(spheres.camera[2]), span_of_xyz(spheres.camera[3])));
+static Span span_of_axes(const Geometry geometry) {
+    return span_of_both(span_of_xyz(geometry.camera[1]),
+                        span_of_both(span_of_xyz(geometry.camera[2]), span_of_xyz(geometry.camera[3])));
 }
 
 /* Puts coordinate i of B^T v into w. unit_B, unit_v: of the axes and of v. */
-static __attribute__((noinline)) void whole_turned(Integer *w, const Spheres spheres, const real4 v, const int i,
+static __attribute__((noinline)) void whole_turned(Integer *w, const Geometry geometry, const real4 v, const int i,
                                                    const int unit_B, const int unit_v, const int n) {
     Integer B, own;
     set_to(w, 0, 0, n);
     for (int k = 0; k < 3; k++) {
-        set_to(&B, coordinate(spheres.camera[k + 1], i), unit_B, n);
+        set_to(&B, coordinate(geometry.camera[k + 1], i), unit_B, n);
         set_to(&own, coordinate(v, k), unit_v, n);
         add_product(w, &B, &own, n);
     }
 }
 
 /* The ray (x, y, -1) from the eye; of parallel rays, (0, 0, -1) from (x, y, 0). squares: whether order_of() asks. */
-static __attribute__((noinline)) WholeRay whole_ray(const Spheres spheres, const double x, const double y,
+static __attribute__((noinline)) WholeRay whole_ray(const Geometry geometry, const double x, const double y,
                                                     const int first, const int second, const int squares) {
     const int moved = HAS(WITH_PARALLEL_RAYS) && (x != 0 || y != 0);
     const real4 at = (real4)(x, y, 0, 0), way = HAS(WITH_PARALLEL_RAYS) ? (real4)(0, 0, -1, 0) : (real4)(x, y, -1, 0);
-    const Span d = span_of_xyz(way), o = span_of_both(span_of(x), span_of(y)), B = span_of_axes(spheres);
-    Span f = span_of_both(span_of(spheres.center_radius[first].w), span_of(spheres.center_radius[second].w));
-    f = span_of_both(f, span_of_xyz(spheres.camera[0]));
-    f = span_of_both(f, span_of_both(span_of_xyz(spheres.world[first]), span_of_xyz(spheres.world[second])));
+    const Span d = span_of_xyz(way), o = span_of_both(span_of(x), span_of(y)), B = span_of_axes(geometry);
+    Span f = span_of_both(span_of(geometry.center_radius[first].w), span_of(geometry.center_radius[second].w));
+    f = span_of_both(f, span_of_xyz(geometry.camera[0]));
+    f = span_of_both(f, span_of_both(span_of_xyz(geometry.world[first]), span_of_xyz(geometry.world[second])));
     if (moved) {
         const Span turned = {B.low + o.low, B.high + o.high + 1};
         f = span_of_both(f, turned);
@@ -166,17 +166,17 @@ static __attribute__((noinline)) WholeRay whole_ray(const Spheres spheres, const
     const int n = ray.digits = min(DIGITS, ((squares ? 4 * bits + 16 : 2 * bits + 6) + 31) / 32);
     set_to(&ray.a, 0, 0, n);
     for (int i = 0; i < 3; i++) {
-        whole_turned(&ray.w[i], spheres, way, i, B.low, d.low, n);
-        if (HAS(WITH_PARALLEL_RAYS)) whole_turned(&ray.o[i], spheres, at, i, B.low, f.low - B.low, n);
+        whole_turned(&ray.w[i], geometry, way, i, B.low, d.low, n);
+        if (HAS(WITH_PARALLEL_RAYS)) whole_turned(&ray.o[i], geometry, at, i, B.low, f.low - B.low, n);
         add_product(&ray.a, &ray.w[i], &ray.w[i], n);
     }
     return ray;
 }
 
 /* b, D and c of one sphere. */
-static __attribute__((noinline)) void whole_quadratic(Integer *b, Integer *D, Integer *c, const Spheres spheres,
+static __attribute__((noinline)) void whole_quadratic(Integer *b, Integer *D, Integer *c, const Geometry geometry,
                                                       const int index, const WholeRay *ray) {
-    const real4 eye = spheres.camera[0], center = spheres.world[index];
+    const real4 eye = geometry.camera[0], center = geometry.world[index];
     const int n = ray->digits;
     Integer f, other;
     set_to(b, 0, 0, n);
@@ -191,7 +191,7 @@ static __attribute__((noinline)) void whole_quadratic(Integer *b, Integer *D, In
         add_product(c, &f, &f, n);
     }
     negate(c, n);
-    set_to(&f, spheres.center_radius[index].w, ray->unit_f, n);
+    set_to(&f, geometry.center_radius[index].w, ray->unit_f, n);
     add_product(c, &f, &f, n);
     set_to(D, 0, 0, n);
     add_product(D, b, b, n);
@@ -200,19 +200,19 @@ static __attribute__((noinline)) void whole_quadratic(Integer *b, Integer *D, In
 }
 
 /* D, b and c, correctly rounded, of the sphere `index` and the ray of x and y, as in whole_ray(). */
-static __attribute__((noinline)) double3 rounded_quadratic(const Spheres spheres, const int index, const double x,
+static __attribute__((noinline)) double3 rounded_quadratic(const Geometry geometry, const int index, const double x,
                                                            const double y) {
-    const WholeRay ray = whole_ray(spheres, x, y, index, index, 0);
+    const WholeRay ray = whole_ray(geometry, x, y, index, index, 0);
     Integer b, D, c;
-    whole_quadratic(&b, &D, &c, spheres, index, &ray);
+    whole_quadratic(&b, &D, &c, geometry, index, &ray);
     return (double3)(nearest_double(&D, 2 * ray.unit, ray.digits), nearest_double(&b, ray.unit, ray.digits),
                      nearest_double(&c, 2 * ray.unit_f, ray.digits));
 }
 
 /* -1 where the ray meets a sphere from outside, else 1. c: that of whole_quadratic(); of rays from the eye the host has
  * it. */
-static int side_of_ray(const Spheres spheres, const int index, const Integer *c, const int n) {
-    return (HAS(WITH_PARALLEL_RAYS) ? sign_of(c, n) > 0 : spheres.power[index].x > 0) ? -1 : 1;
+static int side_of_ray(const Geometry geometry, const int index, const Integer *c, const int n) {
+    return (HAS(WITH_PARALLEL_RAYS) ? sign_of(c, n) > 0 : geometry.power[index].x > 0) ? -1 : 1;
 }
 
 /* -1, 0, 1: whether the ray of x and y, as in whole_ray(), which meets both spheres, meets the first one before the
@@ -222,15 +222,15 @@ static int side_of_ray(const Spheres spheres, const int index, const Integer *c,
  * and v differ in sign, the larger square decides: p^2 - v^2 = P + 2 s s' sqrt(D D') with P = p^2 - D - D'. Where these
  * two differ in sign, the larger square does: P^2 - 4 D D'.
  */
-static __attribute__((noinline)) int order_of(const Spheres spheres, const int first, const int second, const double x,
-                                              const double y) {
-    const WholeRay ray = whole_ray(spheres, x, y, first, second, 1);
+static __attribute__((noinline)) int order_of(const Geometry geometry, const int first, const int second,
+                                              const double x, const double y) {
+    const WholeRay ray = whole_ray(geometry, x, y, first, second, 1);
     const int n = ray.digits;
     Integer p, b, D, E, P;
-    whole_quadratic(&p, &D, &P, spheres, first, &ray);
-    const int s = side_of_ray(spheres, first, &P, n);
-    whole_quadratic(&b, &E, &P, spheres, second, &ray);
-    const int t = side_of_ray(spheres, second, &P, n);
+    whole_quadratic(&p, &D, &P, geometry, first, &ray);
+    const int s = side_of_ray(geometry, first, &P, n);
+    whole_quadratic(&b, &E, &P, geometry, second, &ray);
+    const int t = side_of_ray(geometry, second, &P, n);
     negate(&b, n);
     add(&p, &b, n);
     const int sign_D = sign_of(&D, n), sign_E = sign_of(&E, n), sign_p = sign_of(&p, n);
@@ -271,7 +271,7 @@ typedef struct {
 } Decided;
 
 /* Puts whole numbers in place of D, b and c, in the lanes of `unsure`. */
-static void decide_in_whole_numbers(const Spheres spheres, const Ray ray, const Sphere sphere, const MASK unsure,
+static void decide_in_whole_numbers(const Geometry geometry, const Ray ray, const Sphere sphere, const MASK unsure,
                                     Decided *decided) {
     int index[W], left[W];
     double x[W], y[W], D[W], b[W], c[W];
@@ -284,7 +284,7 @@ static void decide_in_whole_numbers(const Spheres spheres, const Ray ray, const 
     STORE_LANES(decided->c, c);
     for (int lane = 0; lane < W; lane++) {
         if (!left[lane] || index[lane] < 0) continue;
-        const double3 whole = rounded_quadratic(spheres, index[lane], x[lane], y[lane]);
+        const double3 whole = rounded_quadratic(geometry, index[lane], x[lane], y[lane]);
         D[lane] = whole.x;
         b[lane] = whole.y;
         c[lane] = whole.z;
@@ -295,19 +295,19 @@ static void decide_in_whole_numbers(const Spheres spheres, const Ray ray, const 
 }
 
 /* For the lanes of `wanted`; b and c only for those of `with_b`. v = (w x X) / a, as w x (f x w) is a f - b w. */
-static __attribute__((noinline)) Decided decide(const Spheres spheres, const Ray ray, const Sphere sphere,
+static __attribute__((noinline)) Decided decide(const Geometry geometry, const Ray ray, const Sphere sphere,
                                                 const REAL_MASK wanted, const REAL_MASK with_b) {
-    const Fine e = fine_quadratic(spheres, ray, sphere);
+    const Fine e = fine_quadratic(geometry, ray, sphere);
     const Pair3 across = cross_pairs(e.w, e.X), v = {over(across.x, e.a), over(across.y, e.a), over(across.z, e.a)};
     Decided decided = {
         e.D.hi,
         e.b.hi,
         e.c.hi,
-        {dot_axis(spheres.camera[1], v).hi, dot_axis(spheres.camera[2], v).hi, dot_axis(spheres.camera[3], v).hi}};
+        {dot_axis(geometry.camera[1], v).hi, dot_axis(geometry.camera[2], v).hi, dot_axis(geometry.camera[3], v).hi}};
     REAL_MASK known = rounds_to_hi(e.b, e.b_error);
     if (HAS(WITH_PARALLEL_RAYS)) known = known & rounds_to_hi(e.c, e.c_error);
     const MASK unsure = TO_MASK((wanted & !rounds_to_hi(e.D, e.D_error)) | (with_b & !known));
-    if (ANY(unsure)) decide_in_whole_numbers(spheres, ray, sphere, unsure, &decided);
+    if (ANY(unsure)) decide_in_whole_numbers(geometry, ray, sphere, unsure, &decided);
     return decided;
 }
 
@@ -320,8 +320,8 @@ typedef struct {
 /* D is off by D_error, its root by the lesser of D_error / sqrt(D) and sqrt(D_error), and q = |b| + sqrt(D) by that and
  * b_error. What a, c and the division add is below 2^-97 of t: see fine_quadratic(). Twice the sum of the shares is a
  * bound as long as it is below 1/2, and beyond that it is so large that it decides nothing. */
-static __attribute__((noinline)) FineT fine_t(const Spheres spheres, const Ray ray, const Sphere sphere) {
-    const Fine e = fine_quadratic(spheres, ray, sphere);
+static __attribute__((noinline)) FineT fine_t(const Geometry geometry, const Ray ray, const Sphere sphere) {
+    const Fine e = fine_quadratic(geometry, ray, sphere);
     const REAL_MASK some = e.D.hi > 0;
     const REAL near = some ? sqrt(e.D.hi) : (REAL)0;
     const Pair rest = minus(e.D, two_product(near, near));
@@ -343,9 +343,9 @@ static __attribute__((noinline)) FineT fine_t(const Spheres spheres, const Ray r
 
 /* Which of the lanes of `wanted`, whose rays hit both spheres, hit A before B; where they are hit at once, `tie` says.
  */
-static REAL_MASK sphere_comes_first(const Spheres spheres, const Ray ray, const Sphere A, const Sphere B,
+static REAL_MASK sphere_comes_first(const Geometry geometry, const Ray ray, const Sphere A, const Sphere B,
                                     const REAL_MASK tie, const REAL_MASK wanted) {
-    const FineT a = fine_t(spheres, ray, A), b = fine_t(spheres, ray, B);
+    const FineT a = fine_t(geometry, ray, A), b = fine_t(geometry, ray, B);
     const REAL gap = (a.t.hi - b.t.hi) + (a.t.lo - b.t.lo), error = a.error + b.error;
     const MASK unsure = TO_MASK(wanted & !((gap > error) | (gap < -error)));
     if (!ANY(unsure)) return gap < 0;
@@ -360,7 +360,7 @@ static REAL_MASK sphere_comes_first(const Spheres spheres, const Ray ray, const 
     STORE_LANES(gap, order);
     for (int lane = 0; lane < W; lane++)
         if (left[lane] && second[lane] >= 0)
-            order[lane] = order_of(spheres, first[lane], second[lane], x[lane], y[lane]);
+            order[lane] = order_of(geometry, first[lane], second[lane], x[lane], y[lane]);
     const REAL exact = LOAD_LANES(order);
     return (exact < 0) | ((exact == 0) & tie);
 }

@@ -5,17 +5,17 @@
  * `tie` says. */
 static REAL_MASK sphere_before(const Scene *scene, const Ray ray, const Sphere sphere, const INT rival,
                                const REAL_MASK tie, const REAL_MASK close) {
-    const Spheres spheres = scene->spheres;
-    const MASK maps = (maps_of(spheres, sphere.index) != 0) | (maps_of(spheres, rival) != 0);
+    const Geometry geometry = scene->geometry;
+    const MASK maps = (maps_of(geometry, sphere.index) != 0) | (maps_of(geometry, rival) != 0);
     const REAL_MASK stretched = close & TO_REAL_MASK(maps);
-    const REAL_MASK mixed = comes_first_from(spheres, from_eye(spheres, eye_ray(ray)), sphere.index, rival, tie);
-    const REAL_MASK round = sphere_comes_first(spheres, ray, sphere, spheres_of(spheres, rival), tie,
+    const REAL_MASK mixed = comes_first_from(geometry, from_eye(geometry, eye_ray(ray)), sphere.index, rival, tie);
+    const REAL_MASK round = sphere_comes_first(geometry, ray, sphere, spheres_of(geometry, rival), tie,
                                                close & !stretched);
     return stretched ? mixed : round;
 }
 #elif REAL_BYTES == 8
 #define sphere_before(scene, ray, sphere, rival, tie, close) \
-    sphere_comes_first((scene)->spheres, ray, sphere, spheres_of((scene)->spheres, rival), tie, close)
+    sphere_comes_first((scene)->geometry, ray, sphere, spheres_of((scene)->geometry, rival), tie, close)
 #else
 #define sphere_before(scene, ray, sphere, rival, tie, close) tie
 #endif
@@ -26,9 +26,9 @@ static REAL_MASK closer(const Scene *scene, const Ray ray, const Sphere sphere, 
                         const Hit hit) {
     const REAL_MASK nearer = t < hit.t;
     const REAL_MASK close = too_close(t, hit.t);
-    if (!UNDECIDED(scene->spheres, ANY(TO_MASK(close)))) return nearer;
+    if (!UNDECIDED(scene->geometry, ANY(TO_MASK(close)))) return nearer;
     const REAL_MASK tie = TO_REAL_MASK(scene->id_of[index] < ids_of(scene, hit.id));
-    const REAL_MASK first = sphere_before(scene, ray, sphere, SPHERE_OR_NONE(scene->spheres, hit.id), tie, close);
+    const REAL_MASK first = sphere_before(scene, ray, sphere, SPHERE_OR_NONE(scene->geometry, hit.id), tie, close);
     return close ? first : nearer;
 }
 
@@ -49,16 +49,16 @@ static __attribute__((always_inline)) MASK passes_filter(const Scene *scene, con
 /* Where the rays meet a sphere or an ellipsoid. inside: of an ellipsoid, whether from there. */
 static __attribute__((always_inline)) Meeting meeting_of(const Scene *scene, const Ray ray, const Sphere sphere,
                                                          const int index, REAL_MASK *inside) {
-    if (!scene->spheres.map_of[index]) return sphere_meet(scene->spheres, ray, sphere);
-    const Ball ball = balls_of(scene->spheres, (INT)index);
-    const Leaving path = from_eye(scene->spheres, eye_ray(ray));
-    const Encounter met = sphere_meet_from(scene->spheres, path, ball, (INT)index, TO_REAL_MASK(ALL_LANES));
+    if (!scene->geometry.map_of[index]) return sphere_meet(scene->geometry, ray, sphere);
+    const Ball ball = balls_of(scene->geometry, (INT)index);
+    const Leaving path = from_eye(scene->geometry, eye_ray(ray));
+    const Encounter met = sphere_meet_from(scene->geometry, path, ball, (INT)index, TO_REAL_MASK(ALL_LANES));
     const Meeting at = {met.t, ray.d};
     *inside = met.inside;
     return at;
 }
 #else
-#define meeting_of(scene, ray, sphere, index, inside) sphere_meet((scene)->spheres, ray, sphere)
+#define meeting_of(scene, ray, sphere, index, inside) sphere_meet((scene)->geometry, ray, sphere)
 #endif
 
 /* Takes a sphere into account, and tells whether any lane may meet it. */
@@ -69,7 +69,7 @@ static __attribute__((always_inline)) int sphere_take(const Scene *scene, const 
         return 0;
     }
     COUNT(DECIDED, ALL_LANES);
-    const Sphere sphere = sphere_at(scene->spheres, index);
+    const Sphere sphere = sphere_at(scene->geometry, index);
     REAL_MASK inside = 0;
     const Meeting at = meeting_of(scene, ray, sphere, index, &inside);
     REAL_MASK nearer = at.t < hit->t;

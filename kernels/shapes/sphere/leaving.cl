@@ -12,12 +12,12 @@ typedef struct {
 } Matrix;
 
 /* Each lane's three rows of the buffer of maps; first: 0 for K, 3 for K^-1, 6 for what was cut off of K^-1. */
-static Matrix matrices_of(const Spheres spheres, const INT map, const int first) {
+static Matrix matrices_of(const Geometry geometry, const INT map, const int first) {
     int each[W];
     real row[10][W];
     STORE_LANES(map, each);
     for (int lane = 0; lane < W; lane++) {
-        __global const real4 *rows = &spheres.map[each[lane]].to_x + first;
+        __global const real4 *rows = &geometry.map[each[lane]].to_x + first;
         row[0][lane] = rows[0].x;
         row[1][lane] = rows[0].y;
         row[2][lane] = rows[0].z;
@@ -76,31 +76,31 @@ typedef struct {
 } Ball;
 
 /* Each lane's sphere. Lanes with a negative index get any one. */
-static Ball balls_of(const Spheres spheres, const INT index) {
+static Ball balls_of(const Geometry geometry, const INT index) {
     int each[W];
     real x[W], y[W], z[W], r[W];
     STORE_LANES(index, each);
     for (int lane = 0; lane < W; lane++) {
-        const real4 place = spheres.place[max(each[lane], 0)];
+        const real4 place = geometry.place[max(each[lane], 0)];
         x[lane] = place.x;
         y[lane] = place.y;
         z[lane] = place.z;
         r[lane] = place.w;
     }
     Ball ball = {{LOAD_LANES(x), LOAD_LANES(y), LOAD_LANES(z)}, LOAD_LANES(r)};
-    for (int lane = 0; HAS(WITH_ELLIPSOIDS) && lane < W; lane++) each[lane] = spheres.map_of[max(each[lane], 0)];
+    for (int lane = 0; HAS(WITH_ELLIPSOIDS) && lane < W; lane++) each[lane] = geometry.map_of[max(each[lane], 0)];
     ball.map = HAS(WITH_ELLIPSOIDS) ? LOAD_LANES(each) : (INT)0;
     return ball;
 }
 
 /* The map of each lane's sphere. Lanes with a negative index get any one. */
-static INT maps_of(const Spheres spheres, const INT index) {
-    return balls_of(spheres, index).map;
+static INT maps_of(const Geometry geometry, const INT index) {
+    return balls_of(geometry, index).map;
 }
 
 /* Puts where rays leave spheres into all lanes. */
-static void sphere_leave(const Frame frame, const Spheres spheres, Leaving *ray) {
-    const Ball ball = balls_of(spheres, SPHERE_OR_NONE(spheres, ray->own));
+static void sphere_leave(const Frame frame, const Geometry geometry, Leaving *ray) {
+    const Ball ball = balls_of(geometry, SPHERE_OR_NONE(geometry, ray->own));
     const Real3 m = turned_to_world(frame, ray->n);
     ray->center = ball.center;
     ray->r = ray->reach = ball.r;
@@ -109,7 +109,7 @@ static void sphere_leave(const Frame frame, const Spheres spheres, Leaving *ray)
     ray->p.z = m.z * ball.r;
     if (!HAS(WITH_ELLIPSOIDS) || !ANY(ball.map != 0)) return;
     const REAL_MASK stretched = TO_REAL_MASK(ball.map != 0);
-    const Matrix L = matrices_of(spheres, ball.map, 3);
+    const Matrix L = matrices_of(geometry, ball.map, 3);
     const Real3 step = mapped(L, ray->q);
     PUT_WHERE(stretched, ray->p.x, step.x * ball.r);
     PUT_WHERE(stretched, ray->p.y, step.y * ball.r);
@@ -126,7 +126,7 @@ typedef struct {
     REAL a_error; /* of w.w, beyond a few roundings of it */
 } Approach;
 
-static Approach approach_of(const Spheres spheres, const Leaving ray, const Ball ball) {
+static Approach approach_of(const Geometry geometry, const Leaving ray, const Ball ball) {
     Approach way = {{(ball.center.x - ray.center.x) - ray.p.x, (ball.center.y - ray.center.y) - ray.p.y,
                      (ball.center.z - ray.center.z) - ray.p.z},
                     ray.w};
@@ -136,7 +136,7 @@ static Approach approach_of(const Spheres spheres, const Leaving ray, const Ball
     way.a_error = 0;
     if (HAS(WITH_ELLIPSOIDS) && ANY(ball.map != 0)) {
         const REAL_MASK stretched = TO_REAL_MASK(ball.map != 0);
-        const Matrix K = matrices_of(spheres, ball.map, 0);
+        const Matrix K = matrices_of(geometry, ball.map, 0);
         const Real3 f = mapped(K, way.f), w = mapped(K, way.w);
         const REAL error = (real)0x1p-49f * (K.size * way.w1);
         PUT3(PUT_WHERE, stretched, way.f, f);
@@ -159,14 +159,14 @@ typedef struct {
 
 /* Puts the way from the ray's centre to P, in pairs, into all lanes. With u = 2^-53, m = B^T n is off by 18 u^2, and
  * 1 / |m|, of one Newton step from double, by 20 u^2, so P is off by 60 u^2 r. */
-static void sphere_fine_start(const Spheres spheres, const Leaving ray, Pair3 *step) {
-    Pair3 m = pairs_in_world(spheres, ray.n);
+static void sphere_fine_start(const Geometry geometry, const Leaving ray, Pair3 *step) {
+    Pair3 m = pairs_in_world(geometry, ray.n);
     Pair mm = dot_pairs(m, m);
-    const INT own = SPHERE_OR_NONE(spheres, ray.own), map = HAS(WITH_ELLIPSOIDS) ? maps_of(spheres, own) : (INT)0;
+    const INT own = SPHERE_OR_NONE(geometry, ray.own), map = HAS(WITH_ELLIPSOIDS) ? maps_of(geometry, own) : (INT)0;
     if (HAS(WITH_ELLIPSOIDS) && ANY((own >= 0) & (map != 0))) {
         const REAL_MASK stretched = TO_REAL_MASK((own >= 0) & (map != 0));
         const Pair3 q = {pair(ray.q.x, 0), pair(ray.q.y, 0), pair(ray.q.z, 0)};
-        m = choose_pairs(stretched, mapped_pairs(matrices_of(spheres, map, 3), matrices_of(spheres, map, 6), q), m);
+        m = choose_pairs(stretched, mapped_pairs(matrices_of(geometry, map, 3), matrices_of(geometry, map, 6), q), m);
         mm = choose_pair(stretched, dot_pairs(q, q), mm);
     }
     const REAL guess = 1 / sqrt(mm.hi);
@@ -181,16 +181,16 @@ static void sphere_fine_start(const Spheres spheres, const Leaving ray, Pair3 *s
  * by less than e = 2^-98 s w1, and c and D by what is written below. Of an ellipsoid, the products with K or with K^-1,
  * both of them sizes of which s, f1 and w1 have as factors, add 30 u^2 to each of these shares, for which there is
  * room; and w.w is off by more than a share of itself, as in approach_of(). */
-static __attribute__((noinline)) Finer finer_from(const Spheres spheres, const Leaving ray, const Ball ball) {
-    const Approach way = approach_of(spheres, ray, ball);
-    Pair3 w = pairs_in_world(spheres, ray.d);
-    const Pair3 step = fine_start(spheres, ray);
+static __attribute__((noinline)) Finer finer_from(const Geometry geometry, const Leaving ray, const Ball ball) {
+    const Approach way = approach_of(geometry, ray, ball);
+    Pair3 w = pairs_in_world(geometry, ray.d);
+    const Pair3 step = fine_start(geometry, ray);
     Pair3 f = {minus(two_sum(ball.center.x, -ray.center.x), step.x),
                minus(two_sum(ball.center.y, -ray.center.y), step.y),
                minus(two_sum(ball.center.z, -ray.center.z), step.z)};
     if (HAS(WITH_ELLIPSOIDS) && ANY(ball.map != 0)) {
         const REAL_MASK stretched = TO_REAL_MASK(ball.map != 0);
-        const Matrix K = matrices_of(spheres, ball.map, 0), none = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}, 0};
+        const Matrix K = matrices_of(geometry, ball.map, 0), none = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}, 0};
         f = choose_pairs(stretched, mapped_pairs(K, none, f), f);
         w = choose_pairs(stretched, mapped_pairs(K, none, w), w);
     }
@@ -216,12 +216,12 @@ static __attribute__((noinline)) Finer finer_from(const Spheres spheres, const L
  * With g = C' - C and m = B^T n it is A + B / sqrt(s), A = g.g + r^2 - r'^2, B = -2 r g.m and s = m.m. Where A and B
  * differ in sign, that is (A^2 s - B^2) / (s (A - B / sqrt(s))), of which only the numerator cancels. What would take
  * more than DIGITS digits counts as 0: no coordinates of a size do. */
-static __attribute__((noinline)) double whole_power(const Spheres spheres, const int own, const int other,
+static __attribute__((noinline)) double whole_power(const Geometry geometry, const int own, const int other,
                                                     const real4 n) {
-    const real4 from = spheres.place[own], to = spheres.place[other];
+    const real4 from = geometry.place[own], to = geometry.place[other];
     const double r = from.w, R = to.w;
     const Span f = span_of_both(span_of_both(span_of(r), span_of(R)), span_of_both(span_of_xyz(from), span_of_xyz(to)));
-    const Span axes = span_of_axes(spheres), normal = span_of_xyz(n);
+    const Span axes = span_of_axes(geometry), normal = span_of_xyz(n);
     const int bits_f = f.high - f.low + 1, bits_m = axes.high - axes.low + normal.high - normal.low + 2;
     const int digits = (4 * bits_f + 2 * bits_m + 12 + 31) / 32, unit_m = axes.low + normal.low;
     if (digits > DIGITS) return 0;
@@ -240,7 +240,7 @@ static __attribute__((noinline)) double whole_power(const Spheres spheres, const
         set_to(&g, coordinate(to, i), f.low, digits);
         set_to(&one, -coordinate(from, i), f.low, digits);
         add(&g, &one, digits);
-        whole_turned(&m, spheres, n, i, axes.low, normal.low, digits);
+        whole_turned(&m, geometry, n, i, axes.low, normal.low, digits);
         add_product(&A, &g, &g, digits);
         add_product(&B, &g, &m, digits);
         add_product(&s, &m, &m, digits);
@@ -267,7 +267,7 @@ static __attribute__((noinline)) double whole_power(const Spheres spheres, const
 }
 
 /* Puts that in place of a power which pairs cannot tell from 0. */
-static __attribute__((noinline)) void decide_power(const Spheres spheres, const Leaving ray, const INT index,
+static __attribute__((noinline)) void decide_power(const Geometry geometry, const Leaving ray, const INT index,
                                                    const MASK unsure, Finer *e) {
     int own[W], other[W], left[W];
     double x[W], y[W], z[W], c[W];
@@ -279,7 +279,7 @@ static __attribute__((noinline)) void decide_power(const Spheres spheres, const 
     STORE_LANES(ray.n.z, z);
     STORE_LANES(e->c.hi, c);
     for (int lane = 0; lane < W; lane++)
-        if (left[lane]) c[lane] = whole_power(spheres, own[lane], other[lane], (real4)(x[lane], y[lane], z[lane], 0));
+        if (left[lane]) c[lane] = whole_power(geometry, own[lane], other[lane], (real4)(x[lane], y[lane], z[lane], 0));
     const REAL_MASK here = TO_REAL_MASK(unsure);
     const REAL whole = LOAD_LANES(c);
     PUT_WHERE(here, e->c.hi, whole);
@@ -297,18 +297,18 @@ typedef struct {
     REAL_MASK inside;
 } FineEncounter;
 
-static __attribute__((noinline)) FineEncounter fine_encounter(const Spheres spheres, const Leaving ray, const Ball ball,
-                                                              const INT index) {
-    Finer e = finer_from(spheres, ray, ball);
+static __attribute__((noinline)) FineEncounter fine_encounter(const Geometry geometry, const Leaving ray,
+                                                              const Ball ball, const INT index) {
+    Finer e = finer_from(geometry, ray, ball);
     const REAL_MASK own = TO_REAL_MASK(index == ray.own);
-    const INT left = SPHERE_OR_NONE(spheres, ray.own);
+    const INT left = SPHERE_OR_NONE(geometry, ray.own);
     if (HAS(WITH_RAYS)) {
         const REAL_MASK power = fabs(e.c.hi) <= e.c_error, ahead = (e.c.hi > 0) & (fabs(e.b.hi) <= e.b_error);
-        if (ANY(TO_MASK(power | ahead | (fabs(e.D.hi) <= e.D_error)))) mark_undecided(spheres);
+        if (ANY(TO_MASK(power | ahead | (fabs(e.D.hi) <= e.D_error)))) mark_undecided(geometry);
     }
     MASK touching = (index >= 0) & (left >= 0) & TO_MASK(!own & (fabs(e.c.hi) <= e.c_error));
-    if (HAS(WITH_ELLIPSOIDS)) touching = touching & (maps_of(spheres, left) == 0) & (ball.map == 0);
-    if (ANY(touching)) decide_power(spheres, ray, index, touching, &e);
+    if (HAS(WITH_ELLIPSOIDS)) touching = touching & (maps_of(geometry, left) == 0) & (ball.map == 0);
+    if (ANY(touching)) decide_power(geometry, ray, index, touching, &e);
     const REAL_MASK on = own | (fabs(e.c.hi) <= e.c_error), out = !on & (e.c.hi > 0);
     const REAL_MASK touches = fabs(e.D.hi) <= e.D_error, some = !touches & (e.D.hi > 0), forward = e.b.hi > 0;
     const REAL near = some ? sqrt(e.D.hi) : (REAL)0;
@@ -349,9 +349,9 @@ static __attribute__((noinline)) FineEncounter fine_encounter(const Spheres sphe
  * Bounds, with u = 2^-53, are sums of coordinates' magnitudes, as is w1, and s = |f|_1 + r. FromSurface in
  * cltrace/reference/equation.py derives them: b, and X as a vector, are off by less than e, and where doubles are sure,
  * t is right to 2^-24. A ray that surely passes by, or surely has an outer sphere behind it, needs nothing more. */
-static Encounter sphere_meet_from(const Spheres spheres, const Leaving ray, const Ball ball, const INT index,
+static Encounter sphere_meet_from(const Geometry geometry, const Leaving ray, const Ball ball, const INT index,
                                   const REAL_MASK wanted) {
-    const Approach way = approach_of(spheres, ray, ball);
+    const Approach way = approach_of(geometry, ray, ball);
     const Real3 f = way.f, w = way.w;
     const REAL_MASK own = TO_REAL_MASK(index == ray.own);
     const REAL a = DOT(w, w), b = DOT(f, w), ff = DOT(f, f), rr = ball.r * ball.r, c = ff - rr;
@@ -372,8 +372,8 @@ static Encounter sphere_meet_from(const Spheres spheres, const Leaving ray, cons
                          : (D > D_error) & (D_error <= 0x1p-25 * root * q) & (e <= 0x1p-26 * q) & (fabs(c) > c_least);
     if (HAS(WITH_ELLIPSOIDS)) sure = sure & (way.a_error <= 0x1p-27 * a);
     const REAL_MASK unsure = wanted & !passes & !sure;
-    if (UNDECIDED(spheres, ANY(TO_MASK(unsure)))) {
-        const FineEncounter fine = fine_encounter(spheres, ray, ball, index);
+    if (UNDECIDED(geometry, ANY(TO_MASK(unsure)))) {
+        const FineEncounter fine = fine_encounter(geometry, ray, ball, index);
         at.t = unsure ? fine.t.hi : at.t;
         at.inside = unsure ? fine.inside : at.inside;
         hit = unsure ? fine.t.hi < INFINITY : hit & !passes;
@@ -385,37 +385,37 @@ static Encounter sphere_meet_from(const Spheres spheres, const Leaving ray, cons
 
 #if REAL_BYTES == 8
 /* Puts t of rays that meet spheres into all lanes, in pairs, and a bound of what it is off by. */
-static void sphere_fine_t(const Spheres spheres, const Leaving ray, const INT index, FineT *t) {
-    const INT sphere = SPHERE_OR_NONE(spheres, index);
+static void sphere_fine_t(const Geometry geometry, const Leaving ray, const INT index, FineT *t) {
+    const INT sphere = SPHERE_OR_NONE(geometry, index);
     if (KINDS_OF_SHAPES > 1 && !ANY(sphere >= 0)) return;
-    const FineEncounter fine = fine_encounter(spheres, ray, balls_of(spheres, sphere), sphere);
+    const FineEncounter fine = fine_encounter(geometry, ray, balls_of(geometry, sphere), sphere);
     t->t = fine.t;
     t->error = fine.error;
 }
 
 /* Which of the lanes' rays, which meet both spheres, meet A before B; where they are met at once, `tie` says. */
-static __attribute__((noinline)) REAL_MASK comes_first_from(const Spheres spheres, const Leaving ray, const INT A,
+static __attribute__((noinline)) REAL_MASK comes_first_from(const Geometry geometry, const Leaving ray, const INT A,
                                                             const INT B, const REAL_MASK tie) {
-    const FineEncounter a = fine_encounter(spheres, ray, balls_of(spheres, A), A);
-    const FineEncounter b = fine_encounter(spheres, ray, balls_of(spheres, B), B);
+    const FineEncounter a = fine_encounter(geometry, ray, balls_of(geometry, A), A);
+    const FineEncounter b = fine_encounter(geometry, ray, balls_of(geometry, B), B);
     const REAL gap = (a.t.hi - b.t.hi) + (a.t.lo - b.t.lo), error = a.error + b.error;
     return (gap < -error) | (!(gap > error) & tie);
 }
 
 /* Of spheres no such thing is known, and they break no tie by themselves. */
-#define sphere_leave_out_tied(spheres, A, B, open)
-#define sphere_break_tie(spheres, ray, A, B, close, first)
+#define sphere_leave_out_tied(geometry, A, B, open)
+#define sphere_break_tie(geometry, ray, A, B, close, first)
 #endif
 
 #ifdef WITH_PLANES
 /* Where points that are `step` from A are strictly inside of a sphere or an ellipsoid. error: of the step. */
 static MASK sphere_contains(const Scene *scene, const Real3 A, const Pair3 step, const REAL error, const int index) {
-    const Ball ball = balls_of(scene->spheres, (INT)index);
+    const Ball ball = balls_of(scene->geometry, (INT)index);
     Pair3 f = {minus(two_sum(ball.center.x, -A.x), step.x), minus(two_sum(ball.center.y, -A.y), step.y),
                minus(two_sum(ball.center.z, -A.z), step.z)};
     REAL off = error;
     if (HAS(WITH_ELLIPSOIDS) && ANY(ball.map != 0)) {
-        const Matrix K = matrices_of(scene->spheres, ball.map, 0), none = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}, 0};
+        const Matrix K = matrices_of(scene->geometry, ball.map, 0), none = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}, 0};
         f = mapped_pairs(K, none, f);
         off *= K.size;
     }
@@ -426,14 +426,14 @@ static MASK sphere_contains(const Scene *scene, const Real3 A, const Pair3 step,
 #endif
 
 /* What shadow rays start with is known since the point was met. */
-static void sphere_place(const Spheres spheres, Start *start) {
+static void sphere_place(const Geometry geometry, Start *start) {
 }
 
 /* Puts where the lanes' rays meet the spheres that `index` names into all lanes. */
 static void sphere_encounter(const Scene *scene, const Leaving ray, const INT index, Encounter *at) {
-    const INT sphere = SPHERE_OR_NONE(scene->spheres, index);
-    const Ball ball = balls_of(scene->spheres, sphere);
-    const Encounter on = sphere_meet_from(scene->spheres, ray, ball, sphere, TO_REAL_MASK(sphere >= 0));
+    const INT sphere = SPHERE_OR_NONE(scene->geometry, index);
+    const Ball ball = balls_of(scene->geometry, sphere);
+    const Encounter on = sphere_meet_from(scene->geometry, ray, ball, sphere, TO_REAL_MASK(sphere >= 0));
     at->t = on.t;
     at->inside = on.inside;
 }
@@ -449,8 +449,8 @@ typedef struct {
     REAL spread;         /* see lift() */
 } Spot;
 
-static Spot spot_at(const Frame frame, const Spheres spheres, const Leaving ray, const Ball ball, const REAL t) {
-    const Approach way = approach_of(spheres, ray, ball);
+static Spot spot_at(const Frame frame, const Geometry geometry, const Leaving ray, const Ball ball, const REAL t) {
+    const Approach way = approach_of(geometry, ray, ball);
     Real3 g = {t * way.w.x - way.f.x, t * way.w.y - way.f.y, t * way.w.z - way.f.z};
     if (HAS(WITH_ELLIPSOIDS)) {
         /* A flat one is so small in its own axes, for its distance there, that doubles have both in one place. */
@@ -470,7 +470,7 @@ static Spot spot_at(const Frame frame, const Spheres spheres, const Leaving ray,
     spot.support = ball.r;
     spot.spread = 1;
     if (ANY(ball.map != 0)) {
-        const Matrix K = matrices_of(spheres, ball.map, 0), L = matrices_of(spheres, ball.map, 3);
+        const Matrix K = matrices_of(geometry, ball.map, 0), L = matrices_of(geometry, ball.map, 3);
         const Real3 normal = mapped_back(K, q), step = mapped(L, q);
         const REAL shorter = 1 / sqrt(DOT(normal, normal));
         const Real3 unit = {normal.x * shorter, normal.y * shorter, normal.z * shorter};

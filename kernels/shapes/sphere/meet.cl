@@ -10,13 +10,13 @@ typedef struct {
 
 #if REAL_BYTES == 8
 /* Puts what pairs and whole numbers say in place of what doubles are unsure of. bb: b^2; arr: a r^2. */
-static __attribute__((always_inline)) void decide_quadratic(const Spheres spheres, const Ray ray, const Sphere sphere,
+static __attribute__((always_inline)) void decide_quadratic(const Geometry geometry, const Ray ray, const Sphere sphere,
                                                             const REAL bb, const REAL arr, Quadratic *e) {
     const REAL bound = (bb + arr) * 0x1p-48;
     const REAL_MASK unsure = (e->discriminant <= bound) & (e->discriminant >= -bound), tiny = arr < bb * 0x1p-42;
-    if (UNDECIDED(spheres, ANY(TO_MASK(unsure | tiny)))) {
+    if (UNDECIDED(geometry, ANY(TO_MASK(unsure | tiny)))) {
         const REAL_MASK all_but_on = unsure & (bb < arr * 0x1p-16);
-        const Decided decided = decide(spheres, ray, sphere, unsure | tiny, all_but_on);
+        const Decided decided = decide(geometry, ray, sphere, unsure | tiny, all_but_on);
         e->discriminant = (unsure | tiny) ? decided.discriminant : e->discriminant;
         e->b = all_but_on ? decided.b : e->b;
         e->v.x = tiny ? decided.v.x : e->v.x;
@@ -26,7 +26,7 @@ static __attribute__((always_inline)) void decide_quadratic(const Spheres sphere
 }
 #else
 /* Float stands by what it says. */
-static void decide_quadratic(const Spheres spheres, const Ray ray, const Sphere sphere, const REAL bb, const REAL arr,
+static void decide_quadratic(const Geometry geometry, const Ray ray, const Sphere sphere, const REAL bb, const REAL arr,
                              Quadratic *e) {
 }
 #endif
@@ -51,7 +51,7 @@ static void decide_quadratic(const Spheres spheres, const Ray ray, const Sphere 
  *
  * v is off by 6 u |C|, which turns the normal by 6 u |C| / r. From |C| = 2^21 r on it comes from pairs, too.
  */
-static Quadratic quadratic(const Spheres spheres, const Ray ray, const Sphere sphere) {
+static Quadratic quadratic(const Geometry geometry, const Ray ray, const Sphere sphere) {
     Quadratic e;
     const Real3 C = sphere.center;
     const REAL rr = sphere.r * sphere.r;
@@ -72,7 +72,7 @@ static Quadratic quadratic(const Spheres spheres, const Ray ray, const Sphere sp
         if (REAL_BYTES == 4) e.v.z = ray.a <= (real)1.0625f ? e.v.x * ray.d.x + e.v.y * ray.d.y : e.v.z;
         e.discriminant = e.by_b ? e.discriminant : ray.a * (rr - DOT(e.v, e.v));
     }
-    decide_quadratic(spheres, ray, sphere, bb, arr, &e);
+    decide_quadratic(geometry, ray, sphere, bb, arr, &e);
     return e;
 }
 
@@ -89,8 +89,8 @@ static Quadratic quadratic(const Spheres spheres, const Ray ray, const Sphere sp
  * From the centre to the point is t d - C. Where the discriminant came from v, t = (b - root)/a and it is
  * -(v + root/a d), without the cancellation of t d and C.
  */
-static Meeting sphere_meet(const Spheres spheres, const Ray ray, const Sphere sphere) {
-    const Quadratic e = quadratic(spheres, ray, sphere);
+static Meeting sphere_meet(const Geometry geometry, const Ray ray, const Sphere sphere) {
+    const Quadratic e = quadratic(geometry, ray, sphere);
     const REAL root = sqrt(e.discriminant);
     const REAL_MASK behind = e.b < 0;
     REAL t = (e.b - root) * ray.over_a;
@@ -125,9 +125,9 @@ static Meeting sphere_meet(const Spheres spheres, const Ray ray, const Sphere sp
 #if REAL_BYTES == 8
 /* Puts what pairs and whole numbers say in place of a meeting, in the lanes of `wanted`: D, b and c are correctly
  * rounded, and so no root cancels. */
-static __attribute__((noinline)) void decide_meeting(const Spheres spheres, const Ray ray, const Sphere sphere,
+static __attribute__((noinline)) void decide_meeting(const Geometry geometry, const Ray ray, const Sphere sphere,
                                                      const REAL_MASK wanted, Meeting *at) {
-    const Decided exact = decide(spheres, ray, sphere, wanted, wanted);
+    const Decided exact = decide(geometry, ray, sphere, wanted, wanted);
     const REAL b = exact.b, c = exact.c;
     /* With c > 0 the ray starts outside: it is c / (b + root) then. From inside it is b + root or -c / (root - b). */
     const REAL root = sqrt(exact.discriminant), q = fabs(b) + root;
@@ -153,7 +153,7 @@ static __attribute__((noinline)) void decide_meeting(const Spheres spheres, cons
  *
  * Where D is above that, D_error and e are below 2^-26 of root m and m, with m the least of r and both |t|, roots are
  * off by 2^-26 m and t by 2^-24.7 of itself. So it is known which t is met, and n is right to 2^-25. */
-static Meeting sphere_meet(const Spheres spheres, const Ray ray, const Sphere sphere) {
+static Meeting sphere_meet(const Geometry geometry, const Ray ray, const Sphere sphere) {
     const Real3 C = sphere.center;
     const REAL x = C.x - ray.o.x, y = C.y - ray.o.y, b = -C.z, r = sphere.r, rr = r * r, XX = x * x + y * y;
     const REAL D = rr - XX, root = sqrt(D), first = b - root, last = b + root;
@@ -165,13 +165,13 @@ static Meeting sphere_meet(const Spheres spheres, const Ray ray, const Sphere sp
     const REAL near = fabs(first), far = fabs(last), least = near < far ? near : far, m = least < r ? least : r;
     const REAL_MASK sure = (D > D_error) & (D_error <= 0x1p-26 * root * m) & (e <= 0x1p-26 * m);
     const REAL_MASK unsure = !(sure | (D < -D_error));
-    if (UNDECIDED(spheres, ANY(TO_MASK(unsure)))) decide_meeting(spheres, ray, sphere, unsure, &at);
+    if (UNDECIDED(geometry, ANY(TO_MASK(unsure)))) decide_meeting(geometry, ray, sphere, unsure, &at);
     return at;
 }
 #else
 /* The same disc in float. |C|^2 - r^2 comes from the host: c is what the power of o has more than that. It serves where
  * o is near the eye beside the sphere's size, which is where b - root cancels. */
-static Meeting sphere_meet(const Spheres spheres, const Ray ray, const Sphere sphere) {
+static Meeting sphere_meet(const Geometry geometry, const Ray ray, const Sphere sphere) {
     const Real3 C = sphere.center;
     const REAL x = C.x - ray.o.x, y = C.y - ray.o.y, b = -C.z, r = sphere.r, rr = r * r, XX = x * x + y * y;
     const REAL c = sphere.c + (ray.o.x * (ray.o.x - 2 * C.x) + ray.o.y * (ray.o.y - 2 * C.y)), bb = b * b;

@@ -13,22 +13,22 @@ typedef struct {
     REAL c; /* |center|^2 - r^2, the power of the eye */
 } Sphere;
 
-static Sphere sphere_at(const Spheres spheres, const int index) {
-    const real4 s = spheres.center_radius[index];
-    const real2 power = spheres.power[index];
+static Sphere sphere_at(const Geometry geometry, const int index) {
+    const real4 s = geometry.center_radius[index];
+    const real2 power = geometry.power[index];
     const Sphere sphere = {index, {s.x, s.y, s.z}, s.w, power.y, power.x};
     return sphere;
 }
 
 /* Each lane's sphere. Lanes with a negative index get a harmless one ahead. */
-static Sphere spheres_of(const Spheres spheres, const INT index) {
+static Sphere spheres_of(const Geometry geometry, const INT index) {
     Sphere own = {index, {0, 0, -2}, 1, 1, 3};
     int each[W];
     STORE_LANES(index, each);
-    if (each[0] >= 0 && !ANY(index != each[0])) return sphere_at(spheres, each[0]);
+    if (each[0] >= 0 && !ANY(index != each[0])) return sphere_at(geometry, each[0]);
     FOR_EACH_INDEX(one, index) {
         const REAL_MASK here = TO_REAL_MASK(index == one);
-        const Sphere sphere = sphere_at(spheres, one);
+        const Sphere sphere = sphere_at(geometry, one);
         PUT3(PUT_WHERE, here, own.center, sphere.center);
         PUT_WHERE(here, own.r, sphere.r);
         PUT_WHERE(here, own.over_r, sphere.over_r);
@@ -108,8 +108,8 @@ static int sphere_primitive(const Scene *scene, const int index) {
 static void sphere_fetch(const Scene *scene, const int light, const int index) {
     __global const float4 *filter = light < 0 ? scene->eye_filter : scene->light_filter + (long)light * scene->count;
     FETCH(filter, index);
-    FETCH(scene->spheres.center_radius, index);
-    FETCH(scene->spheres.power, index);
+    FETCH(scene->geometry.center_radius, index);
+    FETCH(scene->geometry.power, index);
 }
 
 static void sphere_fetch_first(const Scene *scene, const int light, const int index) {

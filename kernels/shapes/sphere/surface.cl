@@ -51,9 +51,9 @@ static REAL_MASK sphere_stops(const Start P, const Sphere B, const Real3 w, cons
 }
 
 /* What sphere_stops() tells of a sphere. The ellipsoid is decided in its own axes, where it is one. */
-static REAL_MASK ellipsoid_stops(const Spheres spheres, const Start P, const Sphere B, const int map, const Real3 w,
+static REAL_MASK ellipsoid_stops(const Geometry geometry, const Start P, const Sphere B, const int map, const Real3 w,
                                  const int far, const int light_side) {
-    __global const Map *K = spheres.map + map;
+    __global const Map *K = geometry.map + map;
     const Real3 f = towards(P, B.center);
     const Real3 F = {DOT(K->camera_x, f), DOT(K->camera_y, f), DOT(K->camera_z, f)};
     const Real3 G = {DOT(K->camera_x, w), DOT(K->camera_y, w), DOT(K->camera_z, w)};
@@ -89,7 +89,7 @@ static int sphere_filter_leaves(const Scene *scene, const ShadowRay ray, const i
     if (ray.touches) return 1;
     const MASK open = may & sphere_may_meet(dot_float(ray.w32, s), ray.a, s);
     if (!SMALL_SPHERES || !ANY(open)) return ANY(open);
-    const float r = (float)(scene->spheres.center_radius[index].w * scene->unit);
+    const float r = (float)(scene->geometry.center_radius[index].w * scene->unit);
     return ANY(open & small_sphere_may_meet(ray.w32, ray.a, s, r));
 }
 
@@ -104,9 +104,9 @@ static int side_of_light(const Scene *scene, const ShadowRay ray, const int inde
 /* Whether a sphere or an ellipsoid that is not the own surface stops the rays. */
 static REAL_MASK stands_in_the_way(const Scene *scene, const ShadowRay ray, const Start start, const int index,
                                    const int side) {
-    const Sphere sphere = sphere_at(scene->spheres, index);
-    const int map = HAS(WITH_ELLIPSOIDS) ? scene->spheres.map_of[index] : 0;
-    return map ? ellipsoid_stops(scene->spheres, start, sphere, map, ray.w, ray.at_point, side)
+    const Sphere sphere = sphere_at(scene->geometry, index);
+    const int map = HAS(WITH_ELLIPSOIDS) ? scene->geometry.map_of[index] : 0;
+    return map ? ellipsoid_stops(scene->geometry, start, sphere, map, ray.w, ray.at_point, side)
                : sphere_stops(start, sphere, ray.w, ray.at_point, side);
 }
 
@@ -148,9 +148,9 @@ static void stretch(Intersection *at, const Spot spot, const REAL_MASK inside) {
 /* The same of what a ray from the eye has met. */
 static __attribute__((always_inline)) void stretch_at(const Frame frame, const Scene *scene, const Ray ray,
                                                       const Hit hit, const INT round, Intersection *at) {
-    const Ball ball = balls_of(scene->spheres, round);
+    const Ball ball = balls_of(scene->geometry, round);
     if (ANY((round >= 0) & (ball.map != 0)))
-        stretch(at, spot_at(frame, scene->spheres, from_eye(scene->spheres, eye_ray(ray)), ball, hit.t), hit.inside);
+        stretch(at, spot_at(frame, scene->geometry, from_eye(scene->geometry, eye_ray(ray)), ball, hit.t), hit.inside);
 }
 #else
 #define stretch(at, spot, inside)
@@ -160,7 +160,7 @@ static __attribute__((always_inline)) void stretch_at(const Frame frame, const S
 #ifdef WITH_LEAVING
 /* The same start in the world, of points of spheres. */
 static void start_in_world(const Frame frame, const Scene *scene, const INT id, Intersection *at) {
-    const Ball ball = balls_of(scene->spheres, SPHERE_OR_NONE(scene->spheres, id));
+    const Ball ball = balls_of(scene->geometry, SPHERE_OR_NONE(scene->geometry, id));
     Start *start = &at->start;
     start->anchor = ball.center;
     start->step = turned_to_world(frame, start->p);
@@ -192,8 +192,8 @@ static void map_spheres(const Frame frame, Intersection *at) {
 /* Puts what a ray from the eye has met into an intersection. */
 static __attribute__((always_inline)) void sphere_put(const Frame frame, const Scene *scene, const Ray ray,
                                                       const Hit hit, Intersection *at) {
-    const INT round = SPHERE_OR_NONE(scene->spheres, hit.id);
-    const Sphere sphere = spheres_of(scene->spheres, round);
+    const INT round = SPHERE_OR_NONE(scene->geometry, hit.id);
+    const Sphere sphere = spheres_of(scene->geometry, round);
     at->normal = sphere_surface(sphere, hit.from_center);
     at->start = start_at(ray, sphere, at->normal, hit.t);
     if (HAS(WITH_SHAPES)) {
@@ -209,10 +209,10 @@ static __attribute__((always_inline)) void sphere_put(const Frame frame, const S
 /* The same of a ray that left a surface. */
 static __attribute__((always_inline)) void sphere_put_from(const Frame frame, const Scene *scene, const Leaving ray,
                                                            const Met met, Intersection *at) {
-    const INT round = SPHERE_OR_NONE(scene->spheres, met.id);
-    const Spot spot = spot_at(frame, scene->spheres, ray, balls_of(scene->spheres, round), met.at.t);
+    const INT round = SPHERE_OR_NONE(scene->geometry, met.id);
+    const Spot spot = spot_at(frame, scene->geometry, ray, balls_of(scene->geometry, round), met.at.t);
     at->normal = spot.n;
-    const Sphere sphere = spheres_of(scene->spheres, round);
+    const Sphere sphere = spheres_of(scene->geometry, round);
     const Real3 C = sphere.center, n = at->normal;
     const Real3 point = {C.x + sphere.r * n.x, C.y + sphere.r * n.y, C.z + sphere.r * n.z};
     at->start = start_of(sphere, n, met.at.inside ? (REAL)-1 : (REAL)1, point);

@@ -36,22 +36,22 @@ static __attribute__((always_inline)) Crossing triangle_meet(const Path path, co
 
 /* Puts what pairs say into the lanes that are unsure. Scene and rays are copied there: else compilers keep them in
  * memory all the time. */
-static __attribute__((always_inline)) void decide_crossing(const Spheres spheres, const EyeRay ray, const INT number,
+static __attribute__((always_inline)) void decide_crossing(const Geometry geometry, const EyeRay ray, const INT number,
                                                            Crossing *at) {
-    if (!UNDECIDED(spheres, ANY(TO_MASK(at->unsure)))) return;
-    const Spheres all = spheres;
+    if (!UNDECIDED(geometry, ANY(TO_MASK(at->unsure)))) return;
+    const Geometry all = geometry;
     const EyeRay own = ray;
     const FineTriangle fine = fine_meeting_from_eye(&all, &own, number, at->unsure);
     at->t = (at->unsure & fine.hit) ? fine.t.hi : at->t;
 }
 
-static __attribute__((always_inline)) void decide_encounter(const Spheres spheres, const Leaving ray, const INT index,
+static __attribute__((always_inline)) void decide_encounter(const Geometry geometry, const Leaving ray, const INT index,
                                                             Crossing *at) {
-    if (!UNDECIDED(spheres, ANY(TO_MASK(at->unsure)))) return;
-    at->unsure = at->unsure & !TO_REAL_MASK(known_in_one_plane(spheres, index, ray.own));
+    if (!UNDECIDED(geometry, ANY(TO_MASK(at->unsure)))) return;
+    at->unsure = at->unsure & !TO_REAL_MASK(known_in_one_plane(geometry, index, ray.own));
     if (!ANY(TO_MASK(at->unsure))) return;
-    const INT number = TRIANGLE_OR_NONE(spheres, index);
-    const FineTriangle fine = fine_meeting_of(spheres, ray, number, at->unsure);
+    const INT number = TRIANGLE_OR_NONE(geometry, index);
+    const FineTriangle fine = fine_meeting_of(geometry, ray, number, at->unsure);
     at->t = (at->unsure & fine.hit) ? fine.t.hi : at->t;
 }
 #else
@@ -65,16 +65,16 @@ static __attribute__((always_inline)) Crossing triangle_meet(const Path path, co
     const Crossing at = {(wanted & meets & (t > 0)) ? t : (REAL)INFINITY, {v.EB, v.EC, v.den}, 0};
     return at;
 }
-#define decide_crossing(spheres, ray, number, at)
-#define decide_encounter(spheres, ray, index, at)
+#define decide_crossing(geometry, ray, number, at)
+#define decide_encounter(geometry, ray, index, at)
 #endif
 
 /* The crossings of rays from the eye. number: of the triangles T. */
-static __attribute__((always_inline)) Crossing triangle_meet_from_eye(const Spheres spheres, const EyeRay ray,
+static __attribute__((always_inline)) Crossing triangle_meet_from_eye(const Geometry geometry, const EyeRay ray,
                                                                       const Triangle T, const INT number,
                                                                       const REAL_MASK wanted, const REAL_MASK inside) {
-    Crossing at = triangle_meet(path_of(from_eye(spheres, ray)), T, wanted, inside);
-    decide_crossing(spheres, ray, number, &at);
+    Crossing at = triangle_meet(path_of(from_eye(geometry, ray)), T, wanted, inside);
+    decide_crossing(geometry, ray, number, &at);
     return at;
 }
 
@@ -88,20 +88,20 @@ static Bounds near_plane(const FLOAT x, const FLOAT y, __global const float4 *fa
 }
 
 /* Where the lanes of a hit meet its triangles; others get any crossing. */
-static __attribute__((always_inline)) Crossing crossing_of(const Spheres spheres, const EyeRay ray, const INT id,
+static __attribute__((always_inline)) Crossing crossing_of(const Geometry geometry, const EyeRay ray, const INT id,
                                                            const MASK sure) {
-    const MASK here = IS_TRIANGLE(spheres, id);
-    const INT number = here ? id - FIRST_TRIANGLE(spheres) : (INT)-1;
-    return triangle_meet_from_eye(spheres, ray, triangles_of(spheres, number), number, TO_REAL_MASK(here),
+    const MASK here = IS_TRIANGLE(geometry, id);
+    const INT number = here ? id - FIRST_TRIANGLE(geometry) : (INT)-1;
+    return triangle_meet_from_eye(geometry, ray, triangles_of(geometry, number), number, TO_REAL_MASK(here),
                                   TO_REAL_MASK(here & sure));
 }
 
 /* Puts t of the lanes that have hit triangles so far into theirs. */
 static __attribute__((noinline)) void triangle_settle_t(const Scene *scene, const EyeRay ray, const Rival hit,
                                                         REAL *t) {
-    const MASK here = IS_TRIANGLE(scene->spheres, hit.id);
+    const MASK here = IS_TRIANGLE(scene->geometry, hit.id);
     if (!ANY(here)) return;
-    const Crossing at = crossing_of(scene->spheres, ray, hit.id, hit.sure);
+    const Crossing at = crossing_of(scene->geometry, ray, hit.id, hit.sure);
     PUT_WHERE(TO_REAL_MASK(here), *t, at.t);
 }
 
@@ -115,8 +115,8 @@ typedef struct {
  * far. */
 static __attribute__((noinline)) Decision decide_triangle(const Scene *scene, const EyeRay *ray, const int index,
                                                           const MASK open, const MASK inside, const Rival *hit) {
-    const int number = index - FIRST_TRIANGLE(scene->spheres);
-    const REAL t = triangle_meet_from_eye(scene->spheres, *ray, triangle_at(scene->spheres, number), (INT)number,
+    const int number = index - FIRST_TRIANGLE(scene->geometry);
+    const REAL t = triangle_meet_from_eye(scene->geometry, *ray, triangle_at(scene->geometry, number), (INT)number,
                                           TO_REAL_MASK(open), TO_REAL_MASK(inside))
                        .t;
     const REAL_MASK nearer = comes_before(scene, ray, t, (INT)index, hit) & (t < INFINITY);
@@ -131,7 +131,7 @@ static __attribute__((always_inline)) int triangle_take(const Scene *scene, cons
     const FLOAT x = line->x, y = line->y;
     MASK open = ALL_LANES, inside = 0;
     if (HAS(WITH_FILTER)) {
-        __global const float4 *facet = scene->facet + 3 * (long)(index - FIRST_TRIANGLE(scene->spheres));
+        __global const float4 *facet = scene->facet + 3 * (long)(index - FIRST_TRIANGLE(scene->geometry));
         const Sides sides = sides_of(x, y, (FLOAT)(HAS(WITH_PARALLEL_RAYS) ? 1 : -1), 1, facet);
         if (!ANY(sides.open)) {
             COUNT(FILTERED, ALL_LANES);
@@ -153,7 +153,7 @@ static __attribute__((always_inline)) int triangle_take(const Scene *scene, cons
     COUNT(DECIDED, open);
     if (is_over(scene)) return 0;
     /* Lanes that surely meet it, and have met another one in its plane: so at the same t. */
-    const MASK level = open & inside & known_in_one_plane(scene->spheres, (INT)index, hit->id);
+    const MASK level = open & inside & known_in_one_plane(scene->geometry, (INT)index, hit->id);
     const MASK lower = level & first_in_file(scene, (INT)index, hit->id);
     PUT_WHERE(lower, hit->id, (INT)index);
     hit->sure = hit->sure | lower;
@@ -172,10 +172,10 @@ static __attribute__((always_inline)) int triangle_take(const Scene *scene, cons
 
 /* Puts into a hit where the rays meet triangles. */
 static __attribute__((always_inline)) void triangle_settle(const Scene *scene, const Ray ray, Hit *hit) {
-    const MASK face = IS_TRIANGLE(scene->spheres, hit->id);
+    const MASK face = IS_TRIANGLE(scene->geometry, hit->id);
     if (!ANY(face)) return;
     const REAL_MASK here = TO_REAL_MASK(face);
-    const Crossing at = crossing_of(scene->spheres, eye_ray(ray), hit->id, hit->sure);
+    const Crossing at = crossing_of(scene->geometry, eye_ray(ray), hit->id, hit->sure);
     hit->shares = at.shares;
     /* Where a triangle is seen all but from its edge, rounding to float may lose it. */
     const REAL t = REAL_BYTES == 8 ? at.t : at.t < INFINITY ? at.t : TO_REAL(far_of(hit->near.low));
@@ -216,16 +216,16 @@ static FacePoint face_point(const Shares shares) {
 }
 
 /* Puts where rays leave triangles into their lanes. */
-static void triangle_leave(const Frame frame, const Spheres spheres, Leaving *ray) {
-    const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(spheres, ray->own));
-    const Place3 place = places_of(spheres, ray->own, ray->q);
+static void triangle_leave(const Frame frame, const Geometry geometry, Leaving *ray) {
+    const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(geometry, ray->own));
+    const Place3 place = places_of(geometry, ray->own, ray->q);
     leave_place(here, place, ray);
 }
 
 /* Puts the world's coordinates of the lanes that start on triangles into their starts. */
-static __attribute__((noinline)) void triangle_place(const Spheres spheres, Start *P) {
-    const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(spheres, P->index));
-    const Place3 place = places_of(spheres, P->index, P->q);
+static __attribute__((noinline)) void triangle_place(const Geometry geometry, Start *P) {
+    const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(geometry, P->index));
+    const Place3 place = places_of(geometry, P->index, P->q);
     PUT3(PUT_WHERE, here, P->anchor, place.anchor);
     PUT3(PUT_WHERE, here, P->step, place.step);
     PUT_WHERE(here, P->reach, place.reach);
@@ -233,12 +233,12 @@ static __attribute__((noinline)) void triangle_place(const Spheres spheres, Star
 
 /* Puts where the lanes' rays meet the triangles that `index` names into their lanes. */
 static void triangle_encounter(const Scene *scene, const Leaving ray, const INT index, Encounter *at) {
-    const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(scene->spheres, index));
-    const INT number = TRIANGLE_OR_NONE(scene->spheres, index);
+    const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(scene->geometry, index));
+    const INT number = TRIANGLE_OR_NONE(scene->geometry, index);
     /* A ray that leaves a triangle is in its plane there, and so does not meet it: not asking saves exact stages. */
     const REAL_MASK other = here & TO_REAL_MASK(index != ray.own);
-    Crossing crossing = triangle_meet(path_of(ray), triangles_of(scene->spheres, number), other, 0);
-    decide_encounter(scene->spheres, ray, index, &crossing);
+    Crossing crossing = triangle_meet(path_of(ray), triangles_of(scene->geometry, number), other, 0);
+    decide_encounter(scene->geometry, ray, index, &crossing);
     at->shares = crossing.shares;
     PUT_OF_SHAPE(here, at->t, crossing.t);
     PUT_OF_SHAPE(here, at->inside, (REAL_MASK)0);
@@ -249,32 +249,32 @@ static void triangle_encounter(const Scene *scene, const Leaving ray, const INT 
 
 /* The number of a triangle in its mesh. */
 static int triangle_primitive(const Scene *scene, const int index) {
-    return scene->number_of[index - FIRST_TRIANGLE(scene->spheres)];
+    return scene->number_of[index - FIRST_TRIANGLE(scene->geometry)];
 }
 
 #if REAL_BYTES == 8
 /* Puts t of rays that meet triangles into their lanes, in pairs, and a bound of what it is off by. */
-static void triangle_fine_t(const Spheres spheres, const Leaving ray, const INT index, FineT *t) {
-    const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(spheres, index));
-    const FinePath path = fine_path(spheres, ray);
-    const FineT fine = fine_t_in(fine_plane(spheres, path, TRIANGLE_OR_NONE(spheres, index)), path);
+static void triangle_fine_t(const Geometry geometry, const Leaving ray, const INT index, FineT *t) {
+    const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(geometry, index));
+    const FinePath path = fine_path(geometry, ray);
+    const FineT fine = fine_t_in(fine_plane(geometry, path, TRIANGLE_OR_NONE(geometry, index)), path);
     t->t = choose_pair(here, fine.t, t->t);
     t->error = here ? fine.error : t->error;
 }
 
 /* Leaves those lanes out of `open` in which A and B are known to be in one plane. */
-static void triangle_leave_out_tied(const Spheres spheres, const INT A, const INT B, REAL_MASK *open) {
-    *open = *open & !TO_REAL_MASK(known_in_one_plane(spheres, A, B));
+static void triangle_leave_out_tied(const Geometry geometry, const INT A, const INT B, REAL_MASK *open) {
+    *open = *open & !TO_REAL_MASK(known_in_one_plane(geometry, A, B));
 }
 
 /* Where both A and B are triangles, in the lanes of `close`: their planes break a tie, see plane_comes_first(), and
  * such lanes are left out of `close`. */
-static void triangle_break_tie(const Spheres spheres, const Leaving ray, const INT A, const INT B, REAL_MASK *close,
+static void triangle_break_tie(const Geometry geometry, const Leaving ray, const INT A, const INT B, REAL_MASK *close,
                                REAL_MASK *first) {
-    const REAL_MASK flat = *close & TO_REAL_MASK(IS_TRIANGLE(spheres, A) & IS_TRIANGLE(spheres, B));
+    const REAL_MASK flat = *close & TO_REAL_MASK(IS_TRIANGLE(geometry, A) & IS_TRIANGLE(geometry, B));
     if (!ANY(TO_MASK(flat))) return;
-    const INT one = TRIANGLE_OR_NONE(spheres, A), two = TRIANGLE_OR_NONE(spheres, B);
-    const REAL_MASK before = plane_comes_first(spheres, fine_path(spheres, ray), one, two, *first, flat);
+    const INT one = TRIANGLE_OR_NONE(geometry, A), two = TRIANGLE_OR_NONE(geometry, B);
+    const REAL_MASK before = plane_comes_first(geometry, fine_path(geometry, ray), one, two, *first, flat);
     *first = flat ? before : *first;
     *close = *close & !flat;
 }

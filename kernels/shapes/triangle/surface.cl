@@ -4,9 +4,9 @@
 /* Triangles between a point and a light. */
 #if REAL_BYTES == 8
 /* The sign of N.(P - A) of a triangle, in pairs, for the lanes of `wanted`. step: from the anchor of P to P. */
-static __attribute__((noinline)) REAL finely_beyond(const Spheres spheres, const FinePath path, const Start P,
+static __attribute__((noinline)) REAL finely_beyond(const Geometry geometry, const FinePath path, const Start P,
                                                     const Pair3 step, const INT number, const REAL_MASK wanted) {
-    const Corners corners = corners_at(spheres.vertex, spheres.face, number);
+    const Corners corners = corners_at(geometry.vertex, geometry.face, number);
     const Pair3 e1 = pairs_between(corners.a, corners.b), e2 = pairs_between(corners.a, corners.c);
     const Pair3 near = pairs_between(corners.a, P.anchor);
     const Pair3 beyond = {plus(near.x, step.x), plus(near.y, step.y), plus(near.z, step.z)};
@@ -16,31 +16,31 @@ static __attribute__((noinline)) REAL finely_beyond(const Spheres spheres, const
                     ((fabs(e2.x.hi) + fabs(e2.y.hi)) + fabs(e2.z.hi));
     const REAL sign = sign_from(side.hi, 0x1p-97 * size * gh);
     /* Whole numbers tell of a point of a triangle. As seen from P, D is N.(A - P). */
-    const MASK unsure = TO_MASK(wanted & (sign == 0)) & IS_TRIANGLE(spheres, P.index);
+    const MASK unsure = TO_MASK(wanted & (sign == 0)) & IS_TRIANGLE(geometry, P.index);
     if (!ANY(unsure)) return sign;
-    return TO_REAL_MASK(unsure) ? -TO_REAL(whole_signs(spheres, path, number, 0, 0, unsure)) : sign;
+    return TO_REAL_MASK(unsure) ? -TO_REAL(whole_signs(geometry, path, number, 0, 0, unsure)) : sign;
 }
 
 /* P, as where a ray starts: along a parallel light, if it is one. */
-static FinePath fine_path_from(const Spheres spheres, const Real3 to, const Start P) {
+static FinePath fine_path_from(const Geometry geometry, const Real3 to, const Start P) {
     const Real3 none = {0, 0, 0};
     const Leaving point = leaving_to(P, to);
     const Pair3 along = {pair(to.x, 0), pair(to.y, 0), pair(to.z, 0)};
-    const REAL_MASK placed = TO_REAL_MASK(IS_TRIANGLE(spheres, P.index));
-    const FinePath path = {P.anchor,    fine_start(spheres, point),
+    const REAL_MASK placed = TO_REAL_MASK(IS_TRIANGLE(geometry, P.index));
+    const FinePath path = {P.anchor,    fine_start(geometry, point),
                            along,       P.reach,
                            size_of(to), 0,
                            placed,      none,
-                           P.q,         P.index - (INT)FIRST_TRIANGLE(spheres)};
+                           P.q,         P.index - (INT)FIRST_TRIANGLE(geometry)};
     return path;
 }
 
 /* As stands_before(), in pairs. */
-static __attribute__((noinline)) REAL_MASK finely_before(const Spheres spheres, const Real3 to, const int at_point,
+static __attribute__((noinline)) REAL_MASK finely_before(const Geometry geometry, const Real3 to, const int at_point,
                                                          const Start P, const INT number, const REAL_MASK wanted) {
     const Pair3 still = {pair(0, 0), pair(0, 0), pair(0, 0)};
-    FinePath path = fine_path_from(spheres, to, P);
-    if (!at_point) return fine_triangle(spheres, path, number, wanted).hit;
+    FinePath path = fine_path_from(geometry, to, P);
+    if (!at_point) return fine_triangle(geometry, path, number, wanted).hit;
     const Pair3 way = pairs_between(to, P.anchor), step = path.step;
     path.anchor = to;
     path.step = still;
@@ -50,16 +50,16 @@ static __attribute__((noinline)) REAL_MASK finely_before(const Spheres spheres, 
     path.reach = 0;
     path.w1 = (fabs(way.x.hi) + fabs(way.y.hi)) + fabs(way.z.hi) + P.reach;
     path.placed = 0;
-    const FineTriangle fine = fine_triangle(spheres, path, number, wanted);
-    return fine.hit & (fine.side * finely_beyond(spheres, path, P, step, number, fine.hit) > 0);
+    const FineTriangle fine = fine_triangle(geometry, path, number, wanted);
+    return fine.hit & (fine.side * finely_beyond(geometry, path, P, step, number, fine.hit) > 0);
 }
 
 /* The same of a light at a point, for lanes in which it is known that the ray meets the triangle, and the sign of D is.
  */
-static __attribute__((noinline)) REAL_MASK finely_beyond_it(const Spheres spheres, const Real3 to, const Start P,
+static __attribute__((noinline)) REAL_MASK finely_beyond_it(const Geometry geometry, const Real3 to, const Start P,
                                                             const INT number, const REAL_MASK wanted, const REAL D) {
-    const FinePath path = fine_path_from(spheres, to, P);
-    const REAL sign = finely_beyond(spheres, path, P, path.step, number, wanted);
+    const FinePath path = fine_path_from(geometry, to, P);
+    const REAL sign = finely_beyond(geometry, path, P, path.step, number, wanted);
     return wanted & (sign * D > 0);
 }
 #endif
@@ -102,12 +102,12 @@ static __attribute__((always_inline)) Passing passing_of(const Real3 to, const i
 }
 
 /* Whether a triangle stands between P and the light. inside: as in triangle_meet(). */
-static REAL_MASK stands_before(const Spheres spheres, const real4 lamp, const int at_point, const Start P,
+static REAL_MASK stands_before(const Geometry geometry, const real4 lamp, const int at_point, const Start P,
                                const int number, const REAL_MASK wanted, const REAL_MASK inside) {
     const Real3 to = {lamp.x, lamp.y, lamp.z};
     const REAL_MASK ends_there = at_point ? TO_REAL_MASK(ALL_LANES) : (REAL_MASK)0,
                     endless = at_point ? (REAL_MASK)0 : TO_REAL_MASK(ALL_LANES);
-    const Passing is = passing_of(to, at_point, P, triangle_at(spheres, number));
+    const Passing is = passing_of(to, at_point, P, triangle_at(geometry, number));
     const Volumes v = is.v;
     const REAL least = is.least, most = is.most, side = is.side;
 #if REAL_BYTES == 8
@@ -124,12 +124,12 @@ static REAL_MASK stands_before(const Spheres spheres, const real4 lamp, const in
                             (back & (down | (most < -v.E_error)) & (endless | (side < -side_error)));
     REAL_MASK unsure = wanted & !(split | passes | ends | meets);
     REAL_MASK stops = wanted & meets;
-    if (!UNDECIDED(spheres, ANY(TO_MASK(unsure)))) return stops;
+    if (!UNDECIDED(geometry, ANY(TO_MASK(unsure)))) return stops;
     /* Of a triangle in all but the plane of P, only the side of P is unsure. */
     const REAL_MASK met = unsure & inside & ends_there & (front | back);
-    if (ANY(TO_MASK(met))) stops = stops | finely_beyond_it(spheres, to, P, (INT)number, met, v.D);
+    if (ANY(TO_MASK(met))) stops = stops | finely_beyond_it(geometry, to, P, (INT)number, met, v.D);
     unsure = unsure & !met;
-    if (ANY(TO_MASK(unsure))) stops = stops | finely_before(spheres, to, at_point, P, (INT)number, unsure);
+    if (ANY(TO_MASK(unsure))) stops = stops | finely_before(geometry, to, at_point, P, (INT)number, unsure);
     return stops;
 #else
     const REAL_MASK front = v.D > 0, back = v.D < 0;
@@ -141,20 +141,20 @@ static REAL_MASK stands_before(const Spheres spheres, const real4 lamp, const in
 
 /* The same as triangle_shadow() where float32 cannot tell: for the lanes of `wanted`, of which those of `inside` are as
  * in triangle_meet(). */
-static __attribute__((noinline)) MASK decide_stops(const Spheres *all, const real4 lamp, const int at_point,
+static __attribute__((noinline)) MASK decide_stops(const Geometry *all, const real4 lamp, const int at_point,
                                                    const Start *from, const int number, const MASK wanted,
                                                    const MASK inside) {
-    const Spheres spheres = *all;
+    const Geometry geometry = *all;
     Start start = *from;
-    place_start(spheres, &start);
-    return TO_MASK(stands_before(spheres, lamp, at_point, start, number, TO_REAL_MASK(wanted), TO_REAL_MASK(inside)));
+    place_start(geometry, &start);
+    return TO_MASK(stands_before(geometry, lamp, at_point, start, number, TO_REAL_MASK(wanted), TO_REAL_MASK(inside)));
 }
 
 /* The lanes of `may` in which a triangle stands between P and the light: in which the ray meets it, and P is beyond its
  * plane. As seen from a light at a point, with w the way to P, that is 1/t > 1; of a parallel light P is deeper. */
 static MASK triangle_shadow(const Scene *scene, const ShadowRay ray, const Start start, const int index, MASK may,
                             Work *work) {
-    const int number = index - FIRST_TRIANGLE(scene->spheres);
+    const int number = index - FIRST_TRIANGLE(scene->geometry);
     may = may & (ray.own != index);
     MASK unsure = may, inside = 0, stops = 0;
     if (HAS(WITH_FILTER) && !ray.touches) {
@@ -178,12 +178,12 @@ static MASK triangle_shadow(const Scene *scene, const ShadowRay ray, const Start
     if (!RARELY(ANY(unsure))) return stops;
     COUNT(DECIDED, unsure);
     if (is_over(scene)) return stops;
-    unsure = unsure & !known_in_one_plane(scene->spheres, (INT)index, ray.own);
+    unsure = unsure & !known_in_one_plane(scene->geometry, (INT)index, ray.own);
     if (!ANY(unsure)) return stops;
     /* Copied here, lest compilers keep it in memory all the time. */
-    const Spheres spheres = scene->spheres;
+    const Geometry geometry = scene->geometry;
     const Start copy = start;
-    return stops | decide_stops(&spheres, scene->lamp[ray.number], ray.at_point, &copy, number, unsure, inside);
+    return stops | decide_stops(&geometry, scene->lamp[ray.number], ray.at_point, &copy, number, unsure, inside);
 }
 
 /* What meshes have at the corners of their triangles, normals and texture coordinates, and in between.
@@ -222,7 +222,7 @@ static Real3 shading_normals(const Scene *scene, const INT number, const Weights
     const Real3 m = {DOT(matrix.a, n), DOT(matrix.b, n), DOT(matrix.c, n)};
     const REAL_MASK here = TO_REAL_MASK(mesh >= 0) & (DOT(m, m) > 0);
     if (!ANY((number >= 0) & !TO_MASK(here))) return m;
-    const Real3 N = plane_normals(scene->spheres.vertex, scene->spheres.face, number);
+    const Real3 N = plane_normals(scene->geometry.vertex, scene->geometry.face, number);
     const Real3 normal = {here ? m.x : N.x, here ? m.y : N.y, here ? m.z : N.z};
     return normal;
 }
@@ -269,8 +269,8 @@ static __attribute__((noinline)) Real3 rescued_normals(const Frame frame, const 
 static __attribute__((always_inline)) void flatten(const Frame frame, const Scene *scene, const INT id,
                                                    const Shares shares, const Real3 d, const Real3 P,
                                                    Intersection *at) {
-    const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(scene->spheres, id));
-    const INT number = TO_MASK(here) ? id - FIRST_TRIANGLE(scene->spheres) : (INT)-1;
+    const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(scene->geometry, id));
+    const INT number = TO_MASK(here) ? id - FIRST_TRIANGLE(scene->geometry) : (INT)-1;
     const FacePoint point = face_point(shares);
     const Real3 N = shading_normals(scene, number, point.weights);
     const REAL square = DOT(N, N), over = 1 / sqrt(square);
@@ -284,7 +284,7 @@ static __attribute__((always_inline)) void flatten(const Frame frame, const Scen
      * that go on ask for it. */
     REAL side = 1;
     if (HAS(WITH_BOUNCES)) {
-        const REAL_MASK back = TO_REAL_MASK((fourths_of(scene->spheres.face, number) & 1) != 0);
+        const REAL_MASK back = TO_REAL_MASK((fourths_of(scene->geometry.face, number) & 1) != 0);
         side = (shares.all < 0) == back ? (REAL)-1 : (REAL)1;
     }
     const REAL turn = DOT(n, d) > 0 ? -side : side;

@@ -20,9 +20,9 @@ typedef struct {
     REAL g, h;       /* |e1| and |e2|, as sums of the coordinates' magnitudes */
 } Triangle;
 
-static Triangle triangle_at(const Spheres spheres, const int number) {
-    const int4 face = spheres.face[number];
-    const real4 a = spheres.vertex[face.x], b = spheres.vertex[face.y], c = spheres.vertex[face.z];
+static Triangle triangle_at(const Geometry geometry, const int number) {
+    const int4 face = geometry.face[number];
+    const real4 a = geometry.vertex[face.x], b = geometry.vertex[face.y], c = geometry.vertex[face.z];
     const real4 e = b - a, f = c - a;
     const Triangle T = {{a.x, a.y, a.z},
                         {e.x, e.y, e.z},
@@ -34,14 +34,14 @@ static Triangle triangle_at(const Spheres spheres, const int number) {
 }
 
 /* The corner `corner`, 0 to 2, of each lane's triangle. Lanes with a negative number get any one. */
-static Real3 corners_of(const Spheres spheres, const INT number, const INT corner) {
+static Real3 corners_of(const Geometry geometry, const INT number, const INT corner) {
     int each[W], which[W];
     real x[W], y[W], z[W];
     STORE_LANES(number, each);
     STORE_LANES(corner, which);
     for (int lane = 0; lane < W; lane++) {
-        const int4 face = spheres.face[max(each[lane], 0)];
-        const real4 v = spheres.vertex[which[lane] == 0 ? face.x : which[lane] == 1 ? face.y : face.z];
+        const int4 face = geometry.face[max(each[lane], 0)];
+        const real4 v = geometry.vertex[which[lane] == 0 ? face.x : which[lane] == 1 ? face.y : face.z];
         x[lane] = v.x;
         y[lane] = v.y;
         z[lane] = v.z;
@@ -134,8 +134,8 @@ static __attribute__((noinline)) Real3 plane_normals(__global const real4 *verte
     return triangle_of(corners_at(vertex, face, number)).N;
 }
 
-static __attribute__((always_inline)) Triangle triangles_of(const Spheres spheres, const INT number) {
-    return triangle_of(corners_at(spheres.vertex, spheres.face, number));
+static __attribute__((always_inline)) Triangle triangles_of(const Geometry geometry, const INT number) {
+    return triangle_of(corners_at(geometry.vertex, geometry.face, number));
 }
 
 /* The filter. A facet is the three planes of a triangle's edges as seen from a fixed point: A' x B' and so on, times
@@ -288,8 +288,8 @@ typedef struct {
 } FinePath;
 
 /* u (next corner - corner) + v (the one after - corner), in pairs, of the point q of each lane's triangle. */
-static Pair3 fine_step(const Spheres spheres, const INT number, const Real3 q) {
-    const Corners c = corners_at(spheres.vertex, spheres.face, number);
+static Pair3 fine_step(const Geometry geometry, const INT number, const Real3 q) {
+    const Corners c = corners_at(geometry.vertex, geometry.face, number);
     const REAL_MASK first = q.z == 0, second = q.z == 1;
     const Real3 anchor = choose3(first, second, c.a, c.b, c.c);
     const Pair3 x = pairs_between(anchor, choose3(first, second, c.b, c.c, c.a));
@@ -340,14 +340,14 @@ static real4 direction_of(const PathLanes *path, const int lane) {
 }
 
 /* Where a lane's ray starts: at its point of a triangle, or at the eye where it leaves none. */
-static WholeStart whole_start(const Spheres spheres, const PathLanes *path, const int lane) {
+static WholeStart whole_start(const Geometry geometry, const PathLanes *path, const int lane) {
     const int own = path->own[lane], k = (int)path->k[lane];
     const double u = path->u[lane], v = path->v[lane];
-    WholeStart start = {spheres.camera[0], spheres.camera[0], spheres.camera[0], 0, 0};
+    WholeStart start = {geometry.camera[0], geometry.camera[0], geometry.camera[0], 0, 0};
     start.on_plane = HAS(WITH_PARALLEL_RAYS) && own < 0;
     if (start.on_plane) {
-        start.next = spheres.camera[1];
-        start.last = spheres.camera[2];
+        start.next = geometry.camera[1];
+        start.last = geometry.camera[2];
         start.u = u;
         start.v = v;
     }
@@ -358,11 +358,11 @@ static WholeStart whole_start(const Spheres spheres, const PathLanes *path, cons
     start.u = start.v = start.on_plane = 1;
 #endif
     if (own >= 0) {
-        const int4 face = spheres.face[own];
+        const int4 face = geometry.face[own];
         const int corner[3] = {face.x, face.y, face.z};
-        start.anchor = spheres.vertex[corner[k]];
-        start.next = spheres.vertex[corner[(k + 1) % 3]];
-        start.last = spheres.vertex[corner[(k + 2) % 3]];
+        start.anchor = geometry.vertex[corner[k]];
+        start.next = geometry.vertex[corner[(k + 1) % 3]];
+        start.last = geometry.vertex[corner[(k + 2) % 3]];
         start.u = u;
         start.v = v;
     }
@@ -393,15 +393,15 @@ static __attribute__((noinline)) void whole_offset(Integer *out, const WholeStar
 
 /* The sign of w.(X' x Y'), of X' x Y' where that is 0; and, without a direction, of Z'.(X' x Y'). What would take more
  * than DIGITS digits counts as 0: no coordinates of a size do. */
-static __attribute__((noinline)) int whole_volume(const Spheres spheres, WholeStart start, const real4 X, const real4 Y,
-                                                  const real4 Z, const int directed, const real4 way) {
-    const Span B = span_of_axes(spheres), d = span_of_xyz(way);
+static __attribute__((noinline)) int whole_volume(const Geometry geometry, WholeStart start, const real4 X,
+                                                  const real4 Y, const real4 Z, const int directed, const real4 way) {
+    const Span B = span_of_axes(geometry), d = span_of_xyz(way);
     start.places = span_of_both(start.places,
                                 span_of_both(span_of_xyz(X), span_of_both(span_of_xyz(Y), span_of_xyz(Z))));
     const int bits = start.places.high - start.places.low + start.weights.high - start.weights.low + 4;
     const int turned = B.high - B.low + d.high - d.low + 2;
     const int n = (2 * bits + (directed ? turned : bits) + 8 + 31) / 32;
-    if (n > DIGITS) return HAS(WITH_RAYS) ? mark_undecided(spheres) : 0;
+    if (n > DIGITS) return HAS(WITH_RAYS) ? mark_undecided(geometry) : 0;
     Integer x[3], y[3], cross[3], volume, w, negative;
     set_to(&volume, 0, 0, n);
     for (int i = 0; i < 3; i++) {
@@ -415,7 +415,7 @@ static __attribute__((noinline)) int whole_volume(const Spheres spheres, WholeSt
         negate(&negative, n);
         add_product(&cross[i], &x[j], &y[k], n);
         add_product(&cross[i], &negative, &y[j], n);
-        if (directed) whole_turned(&w, spheres, way, i, B.low, d.low, n);
+        if (directed) whole_turned(&w, geometry, way, i, B.low, d.low, n);
         else whole_offset(&w, start, Z, i, n);
         add_product(&volume, &cross[i], &w, n);
     }
@@ -426,13 +426,13 @@ static __attribute__((noinline)) int whole_volume(const Spheres spheres, WholeSt
     return 0;
 }
 
-static int share_a_plane(const Spheres spheres, const int a, const int b);
+static int share_a_plane(const Geometry geometry, const int a, const int b);
 
 /* The signs of the volumes of each lane's triangle in whole numbers, for the lanes of `unsure`: E of the edge from
  * corner `from` to corner `to`, or D where from = to. */
-static __attribute__((noinline)) INT whole_signs(const Spheres spheres, const FinePath path, const INT number,
+static __attribute__((noinline)) INT whole_signs(const Geometry geometry, const FinePath path, const INT number,
                                                  const int from, const int to, const MASK unsure) {
-    if (HAS(WITH_RAYS) && !HAS(WITH_WHOLE)) return (INT)mark_undecided(spheres);
+    if (HAS(WITH_RAYS) && !HAS(WITH_WHOLE)) return (INT)mark_undecided(geometry);
     int each[W], left[W], sign[W];
     PathLanes lanes;
     STORE_LANES(number, each);
@@ -441,12 +441,12 @@ static __attribute__((noinline)) INT whole_signs(const Spheres spheres, const Fi
     for (int lane = 0; lane < W; lane++) {
         sign[lane] = 0;
         if (!left[lane]) continue;
-        if (from == to && lanes.own[lane] >= 0 && share_a_plane(spheres, lanes.own[lane], each[lane])) continue;
-        const int4 face = spheres.face[each[lane]];
-        const real4 corner[3] = {spheres.vertex[face.x], spheres.vertex[face.y], spheres.vertex[face.z]};
-        const WholeStart start = whole_start(spheres, &lanes, lane);
-        sign[lane] = from == to ? whole_volume(spheres, start, corner[0], corner[1], corner[2], 0, (real4)(0))
-                                : whole_volume(spheres, start, corner[from], corner[to], corner[from], 1,
+        if (from == to && lanes.own[lane] >= 0 && share_a_plane(geometry, lanes.own[lane], each[lane])) continue;
+        const int4 face = geometry.face[each[lane]];
+        const real4 corner[3] = {geometry.vertex[face.x], geometry.vertex[face.y], geometry.vertex[face.z]};
+        const WholeStart start = whole_start(geometry, &lanes, lane);
+        sign[lane] = from == to ? whole_volume(geometry, start, corner[0], corner[1], corner[2], 0, (real4)(0))
+                                : whole_volume(geometry, start, corner[from], corner[to], corner[from], 1,
                                                direction_of(&lanes, lane));
     }
     return LOAD_LANES(sign);
@@ -478,15 +478,15 @@ static __attribute__((noinline)) void whole_plane(Integer *N, Integer *D, const 
 }
 
 /* The sign of w.Q, and of Q where that is 0, see plane_comes_first(). corner: the three of A, then those of B. */
-static __attribute__((noinline)) int whole_order(const Spheres spheres, WholeStart start, const real4 *corner,
+static __attribute__((noinline)) int whole_order(const Geometry geometry, WholeStart start, const real4 *corner,
                                                  const real4 way) {
-    const Span B = span_of_axes(spheres), d = span_of_xyz(way);
+    const Span B = span_of_axes(geometry), d = span_of_xyz(way);
     for (int k = 0; k < 6; k++) start.places = span_of_both(start.places, span_of_xyz(corner[k]));
     /* With places below 2^bits, edges are below 2^(bits + 1), N 2^(2 bits + 3), D 2^(3 bits + 5) and Q 2^(5 bits + 9).
      */
     const int bits = start.places.high - start.places.low + start.weights.high - start.weights.low + 4;
     const int n = (5 * bits + 9 + B.high - B.low + d.high - d.low + 6 + 31) / 32;
-    if (n > DIGITS) return HAS(WITH_RAYS) ? mark_undecided(spheres) : 0;
+    if (n > DIGITS) return HAS(WITH_RAYS) ? mark_undecided(geometry) : 0;
     Integer N[2][3], D[2], Q[3], w, volume;
     for (int k = 0; k < 2; k++) whole_plane(N[k], &D[k], start, corner + 3 * k, n);
     const int sides = sign_of(&D[0], n) * sign_of(&D[1], n);
@@ -496,7 +496,7 @@ static __attribute__((noinline)) int whole_order(const Spheres spheres, WholeSta
         set_to(&Q[i], 0, 0, n);
         add_product(&Q[i], &D[0], &N[1][i], n);
         add_product(&Q[i], &D[1], &N[0][i], n);
-        whole_turned(&w, spheres, way, i, B.low, d.low, n);
+        whole_turned(&w, geometry, way, i, B.low, d.low, n);
         add_product(&volume, &Q[i], &w, n);
     }
     if (sign_of(&volume, n) != 0) return sides * sign_of(&volume, n);
@@ -519,14 +519,14 @@ static int share_a_level(const real4 *a, const real4 *b) {
 
 /* Whether the corners b are in the plane of the corners a, in whole numbers: whether none of the three volumes with
  * them, as seen from a[0], has a sign. With places below 2^bits a volume is below 2^(3 bits + 6). */
-static __attribute__((noinline)) int whole_coplanar(const Spheres spheres, const real4 *a, const real4 *b) {
+static __attribute__((noinline)) int whole_coplanar(const Geometry geometry, const real4 *a, const real4 *b) {
     const Span here = span_of_xyz(a[0]), one = span_of(1);
     const WholeStart start = {a[0], a[0], a[0], 0, 0, here, one, 0};
     Span places = here;
     for (int k = 0; k < 3; k++) places = span_of_both(places, span_of_both(span_of_xyz(a[k]), span_of_xyz(b[k])));
     if ((3 * (places.high - places.low + one.high - one.low + 4) + 8 + 31) / 32 > DIGITS) return 0;
     for (int k = 0; k < 3; k++)
-        if (whole_volume(spheres, start, a[1], a[2], b[k], 0, (real4)(0)) != 0) return 0;
+        if (whole_volume(geometry, start, a[1], a[2], b[k], 0, (real4)(0)) != 0) return 0;
     return 1;
 }
 
@@ -534,57 +534,57 @@ static __attribute__((noinline)) int whole_coplanar(const Spheres spheres, const
  * found out once, and noted: of each triangle another one before it, of that one the next, down to the first one that
  * is known. Several work-items write at once, and what one of them notes may be lost or be seen late. Then it is found
  * out again. What is noted is always true, so no picture depends on that. */
-static int first_in_plane(const Spheres spheres, int number) {
-    for (int before = spheres.plane[number]; before; before = spheres.plane[number]) number = before - 1;
+static int first_in_plane(const Geometry geometry, int number) {
+    for (int before = geometry.plane[number]; before; before = geometry.plane[number]) number = before - 1;
     return number;
 }
 
-static void note_plane(const Spheres spheres, const int a, const int b) {
-    const int one = first_in_plane(spheres, a), two = first_in_plane(spheres, b), first = min(one, two);
-    if (one != two) spheres.plane[max(one, two)] = first + 1;
-    if (a != first) spheres.plane[a] = first + 1;
-    if (b != first) spheres.plane[b] = first + 1;
+static void note_plane(const Geometry geometry, const int a, const int b) {
+    const int one = first_in_plane(geometry, a), two = first_in_plane(geometry, b), first = min(one, two);
+    if (one != two) geometry.plane[max(one, two)] = first + 1;
+    if (a != first) geometry.plane[a] = first + 1;
+    if (b != first) geometry.plane[b] = first + 1;
 }
 
 /* Whether two triangles are in one plane. */
-static __attribute__((noinline)) int share_a_plane(const Spheres spheres, const int a, const int b) {
-    if (first_in_plane(spheres, a) == first_in_plane(spheres, b)) return 1;
-    const int4 f = spheres.face[a], g = spheres.face[b];
-    const real4 one[3] = {spheres.vertex[f.x], spheres.vertex[f.y], spheres.vertex[f.z]};
-    const real4 two[3] = {spheres.vertex[g.x], spheres.vertex[g.y], spheres.vertex[g.z]};
+static __attribute__((noinline)) int share_a_plane(const Geometry geometry, const int a, const int b) {
+    if (first_in_plane(geometry, a) == first_in_plane(geometry, b)) return 1;
+    const int4 f = geometry.face[a], g = geometry.face[b];
+    const real4 one[3] = {geometry.vertex[f.x], geometry.vertex[f.y], geometry.vertex[f.z]};
+    const real4 two[3] = {geometry.vertex[g.x], geometry.vertex[g.y], geometry.vertex[g.z]};
     const int levels_alone = HAS(WITHOUT_RARE) || (HAS(WITH_RAYS) && !HAS(WITH_WHOLE));
-    if (!share_a_level(one, two) && (levels_alone || !whole_coplanar(spheres, one, two))) return 0;
-    note_plane(spheres, a, b);
+    if (!share_a_level(one, two) && (levels_alone || !whole_coplanar(geometry, one, two))) return 0;
+    note_plane(geometry, a, b);
     return 1;
 }
 
 /* The same, as far as it is known, or without whole numbers where there are none: what is not is left to another
  * program. */
-static int is_known_in_plane(const Spheres spheres, const int a, const int b) {
-    if (HAS(WITHOUT_RARE)) return share_a_plane(spheres, a, b);
-    return first_in_plane(spheres, a) == first_in_plane(spheres, b);
+static int is_known_in_plane(const Geometry geometry, const int a, const int b) {
+    if (HAS(WITHOUT_RARE)) return share_a_plane(geometry, a, b);
+    return first_in_plane(geometry, a) == first_in_plane(geometry, b);
 }
 
 /* In which lanes two surfaces are triangles that are known to be in one plane. A ray that meets both meets them at
  * once, and one that starts on one of them does not meet the other. */
-static __attribute__((noinline)) MASK known_in_one_plane(const Spheres spheres, const INT A, const INT B) {
-    const MASK both = IS_TRIANGLE(spheres, A) & IS_TRIANGLE(spheres, B);
+static __attribute__((noinline)) MASK known_in_one_plane(const Geometry geometry, const INT A, const INT B) {
+    const MASK both = IS_TRIANGLE(geometry, A) & IS_TRIANGLE(geometry, B);
     int a[W], b[W], same[W];
-    STORE_LANES(A - (INT)FIRST_TRIANGLE(spheres), a);
-    STORE_LANES(B - (INT)FIRST_TRIANGLE(spheres), b);
+    STORE_LANES(A - (INT)FIRST_TRIANGLE(geometry), a);
+    STORE_LANES(B - (INT)FIRST_TRIANGLE(geometry), b);
     STORE_LANES(both, same);
     for (int lane = 0; lane < W; lane++) {
         if (!same[lane]) continue;
         const int again = lane && a[lane] == a[lane - 1] && b[lane] == b[lane - 1];
-        same[lane] = again ? same[lane - 1] : -is_known_in_plane(spheres, a[lane], b[lane]);
+        same[lane] = again ? same[lane - 1] : -is_known_in_plane(geometry, a[lane], b[lane]);
     }
     return LOAD_LANES(same);
 }
 
 /* What whole_order() says of each lane's triangles, for the lanes of `unsure`. */
-static __attribute__((noinline)) INT whole_orders(const Spheres spheres, const FinePath path, const INT A, const INT B,
-                                                  const MASK unsure) {
-    if (HAS(WITH_RAYS) && !HAS(WITH_WHOLE)) return (INT)mark_undecided(spheres);
+static __attribute__((noinline)) INT whole_orders(const Geometry geometry, const FinePath path, const INT A,
+                                                  const INT B, const MASK unsure) {
+    if (HAS(WITH_RAYS) && !HAS(WITH_WHOLE)) return (INT)mark_undecided(geometry);
     int one[W], two[W], left[W], sign[W];
     PathLanes lanes;
     STORE_LANES(A, one);
@@ -593,11 +593,11 @@ static __attribute__((noinline)) INT whole_orders(const Spheres spheres, const F
     store_path(&lanes, path);
     for (int lane = 0; lane < W; lane++) {
         sign[lane] = 0;
-        if (!left[lane] || share_a_plane(spheres, one[lane], two[lane])) continue;
-        const int4 a = spheres.face[one[lane]], b = spheres.face[two[lane]];
-        const real4 corner[6] = {spheres.vertex[a.x], spheres.vertex[a.y], spheres.vertex[a.z],
-                                 spheres.vertex[b.x], spheres.vertex[b.y], spheres.vertex[b.z]};
-        sign[lane] = whole_order(spheres, whole_start(spheres, &lanes, lane), corner, direction_of(&lanes, lane));
+        if (!left[lane] || share_a_plane(geometry, one[lane], two[lane])) continue;
+        const int4 a = geometry.face[one[lane]], b = geometry.face[two[lane]];
+        const real4 corner[6] = {geometry.vertex[a.x], geometry.vertex[a.y], geometry.vertex[a.z],
+                                 geometry.vertex[b.x], geometry.vertex[b.y], geometry.vertex[b.z]};
+        sign[lane] = whole_order(geometry, whole_start(geometry, &lanes, lane), corner, direction_of(&lanes, lane));
     }
     return LOAD_LANES(sign);
 }
@@ -607,9 +607,9 @@ static __attribute__((noinline)) INT whole_orders(const Spheres spheres, const F
  *
  * Bounds, u = 2^-53: X' is off by 2^-99 of s, Y - X by u^2, each coordinate of X' x (Y - X) by less than 2^-98 s e,
  * with e the sum of the magnitudes of Y - X, and E by less than 2^-97 s e w1. */
-static __attribute__((noinline)) REAL edge_sign(const Spheres spheres, const FinePath path, const INT number,
+static __attribute__((noinline)) REAL edge_sign(const Geometry geometry, const FinePath path, const INT number,
                                                 const int from, const int to, const REAL_MASK wanted) {
-    const Real3 x = corners_of(spheres, number, (INT)from), y = corners_of(spheres, number, (INT)to);
+    const Real3 x = corners_of(geometry, number, (INT)from), y = corners_of(geometry, number, (INT)to);
     const REAL_MASK flip = (y.x < x.x) | ((y.x == x.x) & ((y.y < x.y) | ((y.y == x.y) & (y.z < x.z))));
     const Real3 X = {flip ? y.x : x.x, flip ? y.y : x.y, flip ? y.z : x.z};
     const Real3 Y = {flip ? x.x : y.x, flip ? x.y : y.y, flip ? x.z : y.z};
@@ -625,9 +625,9 @@ static __attribute__((noinline)) REAL edge_sign(const Spheres spheres, const Fin
         const REAL along_z = sign_from(n.z.hi, n_error);
         REAL first = along_x != 0 ? along_x : along_y != 0 ? along_y : along_z;
         const MASK unsure = TO_MASK(tie & path.whole);
-        if (HAS(WITH_RAYS) && ANY(TO_MASK(tie & !path.whole))) mark_undecided(spheres);
+        if (HAS(WITH_RAYS) && ANY(TO_MASK(tie & !path.whole))) mark_undecided(geometry);
         if (ANY(unsure)) {
-            const REAL whole = TO_REAL(whole_signs(spheres, path, number, from, to, unsure));
+            const REAL whole = TO_REAL(whole_signs(geometry, path, number, from, to, unsure));
             first = TO_REAL_MASK(unsure) ? (flip ? -whole : whole) : first;
         }
         sign = tie ? first : sign;
@@ -643,8 +643,8 @@ typedef struct {
     REAL s, gh; /* |A'| + reach and |e1| |e2|, as sums of the coordinates' magnitudes */
 } FinePlane;
 
-static FinePlane fine_plane(const Spheres spheres, const FinePath path, const INT number) {
-    const Corners corners = corners_at(spheres.vertex, spheres.face, number);
+static FinePlane fine_plane(const Geometry geometry, const FinePath path, const INT number) {
+    const Corners corners = corners_at(geometry.vertex, geometry.face, number);
     const Pair3 e1 = pairs_between(corners.a, corners.b), e2 = pairs_between(corners.a, corners.c);
     const Pair3 A = minus3(pairs_between(path.anchor, corners.a), path.step);
     FinePlane plane;
@@ -663,9 +663,9 @@ static FinePlane fine_plane(const Spheres spheres, const FinePath path, const IN
  * are none, and Q.w counts as 0. By the bounds above, and 2^-100 for each product, a number of Q is off by less than
  * 2^-96 (s_A + s_B) gh_A gh_B.
  */
-static __attribute__((noinline)) REAL_MASK plane_comes_first(const Spheres spheres, const FinePath path, const INT A,
+static __attribute__((noinline)) REAL_MASK plane_comes_first(const Geometry geometry, const FinePath path, const INT A,
                                                              const INT B, const REAL_MASK tie, const REAL_MASK wanted) {
-    const FinePlane a = fine_plane(spheres, path, A), b = fine_plane(spheres, path, B);
+    const FinePlane a = fine_plane(geometry, path, A), b = fine_plane(geometry, path, B);
     const REAL sides = (a.D.hi < 0) ^ (b.D.hi < 0) ? (REAL)-1 : (REAL)1;
     const REAL error = 0x1p-95 * (a.s + b.s) * (a.gh * b.gh);
     const REAL x = sign_from(minus(times(a.D, b.N.x), times(b.D, a.N.x)).hi, error);
@@ -673,9 +673,9 @@ static __attribute__((noinline)) REAL_MASK plane_comes_first(const Spheres spher
     const REAL z = sign_from(minus(times(a.D, b.N.z), times(b.D, a.N.z)).hi, error);
     REAL first = sides * (x != 0 ? x : y != 0 ? y : z);
     const MASK exact = TO_MASK(wanted & path.whole);
-    if (HAS(WITH_RAYS) && ANY(TO_MASK(wanted & !path.whole))) mark_undecided(spheres);
+    if (HAS(WITH_RAYS) && ANY(TO_MASK(wanted & !path.whole))) mark_undecided(geometry);
     if (ANY(exact)) {
-        const REAL whole = TO_REAL(whole_orders(spheres, path, A, B, exact));
+        const REAL whole = TO_REAL(whole_orders(geometry, path, A, B, exact));
         first = TO_REAL_MASK(exact) ? whole : first;
     }
     return (first < 0) | ((first == 0) & tie);
@@ -698,33 +698,33 @@ typedef struct {
     REAL side; /* the sign of D */
 } FineTriangle;
 
-static __attribute__((noinline)) FineTriangle fine_triangle(const Spheres spheres, const FinePath path,
+static __attribute__((noinline)) FineTriangle fine_triangle(const Geometry geometry, const FinePath path,
                                                             const INT number, const REAL_MASK wanted) {
-    const FinePlane plane = fine_plane(spheres, path, number);
+    const FinePlane plane = fine_plane(geometry, path, number);
     FineTriangle fine;
     fine.side = sign_from(plane.D.hi, 0x1p-97 * plane.s * plane.gh);
     const MASK unsure = TO_MASK(wanted & path.placed & (fine.side == 0));
     if (ANY(unsure)) {
-        const REAL whole = TO_REAL(whole_signs(spheres, path, number, 0, 0, unsure));
+        const REAL whole = TO_REAL(whole_signs(geometry, path, number, 0, 0, unsure));
         fine.side = TO_REAL_MASK(unsure) ? whole : fine.side;
     }
     fine.hit = wanted & (fine.side != 0);
-    fine.hit = fine.hit & (fine.side * edge_sign(spheres, path, number, 0, 1, fine.hit) > 0);
+    fine.hit = fine.hit & (fine.side * edge_sign(geometry, path, number, 0, 1, fine.hit) > 0);
     if (ANY(TO_MASK(fine.hit)))
-        fine.hit = fine.hit & (fine.side * edge_sign(spheres, path, number, 1, 2, fine.hit) > 0);
+        fine.hit = fine.hit & (fine.side * edge_sign(geometry, path, number, 1, 2, fine.hit) > 0);
     if (ANY(TO_MASK(fine.hit)))
-        fine.hit = fine.hit & (fine.side * edge_sign(spheres, path, number, 2, 0, fine.hit) > 0);
+        fine.hit = fine.hit & (fine.side * edge_sign(geometry, path, number, 2, 0, fine.hit) > 0);
     fine.t = fine_t_in(plane, path).t;
     return fine;
 }
 
-static FinePath fine_path(const Spheres spheres, const Leaving ray) {
-    const MASK here = IS_TRIANGLE(spheres, ray.own);
-    const INT own = ray.own - (here ? (INT)FIRST_TRIANGLE(spheres) : (INT)0);
+static FinePath fine_path(const Geometry geometry, const Leaving ray) {
+    const MASK here = IS_TRIANGLE(geometry, ray.own);
+    const INT own = ray.own - (here ? (INT)FIRST_TRIANGLE(geometry) : (INT)0);
     const REAL_MASK placed = TO_REAL_MASK((ray.own == -1) | here);
     const FinePath path = {ray.center,
-                           fine_start(spheres, ray),
-                           pairs_in_world(spheres, ray.d),
+                           fine_start(geometry, ray),
+                           pairs_in_world(geometry, ray.d),
                            ray.reach,
                            ray.w1,
                            HAS(WITH_RAYS) ? (REAL_MASK)(ray.r >= 0) : placed,
@@ -736,25 +736,25 @@ static FinePath fine_path(const Spheres spheres, const Leaving ray) {
 }
 
 /* Lanes whose t is not right to 2^-24 of itself by double, and such in which it is unsure whether they meet at all. */
-static __attribute__((noinline)) FineTriangle fine_meeting_of(const Spheres spheres, const Leaving ray,
+static __attribute__((noinline)) FineTriangle fine_meeting_of(const Geometry geometry, const Leaving ray,
                                                               const INT number, const REAL_MASK wanted) {
-    return fine_triangle(spheres, fine_path(spheres, ray), number, wanted);
+    return fine_triangle(geometry, fine_path(geometry, ray), number, wanted);
 }
 
 /* The same of rays from the eye. */
-static __attribute__((noinline)) FineTriangle fine_meeting_from_eye(const Spheres *spheres, const EyeRay *ray,
+static __attribute__((noinline)) FineTriangle fine_meeting_from_eye(const Geometry *geometry, const EyeRay *ray,
                                                                     const INT number, const REAL_MASK wanted) {
-    return fine_meeting_of(*spheres, from_eye(*spheres, *ray), number, wanted);
+    return fine_meeting_of(*geometry, from_eye(*geometry, *ray), number, wanted);
 }
 
 /* Puts the way from the corner to the point that rays leave into the lanes that leave triangles. */
-static void triangle_fine_start(const Spheres spheres, const Leaving ray, Pair3 *step) {
-    const Pair3 own = fine_step(spheres, TRIANGLE_OR_NONE(spheres, ray.own), ray.q);
-    *step = KINDS_OF_SHAPES == 1 ? own : choose_pairs(TO_REAL_MASK(IS_TRIANGLE(spheres, ray.own)), own, *step);
+static void triangle_fine_start(const Geometry geometry, const Leaving ray, Pair3 *step) {
+    const Pair3 own = fine_step(geometry, TRIANGLE_OR_NONE(geometry, ray.own), ray.q);
+    *step = KINDS_OF_SHAPES == 1 ? own : choose_pairs(TO_REAL_MASK(IS_TRIANGLE(geometry, ray.own)), own, *step);
 }
 #else
 /* Float knows of no planes. */
-static MASK known_in_one_plane(const Spheres spheres, const INT A, const INT B) {
+static MASK known_in_one_plane(const Geometry geometry, const INT A, const INT B) {
     return 0;
 }
 #endif
@@ -775,22 +775,22 @@ static Place3 place_on(const Corners corners, const Real3 q) {
 }
 
 /* The same of the lanes whose surface is a triangle. */
-static __attribute__((always_inline)) Place3 places_of(const Spheres spheres, const INT index, const Real3 q) {
-    return place_on(corners_at(spheres.vertex, spheres.face, TRIANGLE_OR_NONE(spheres, index)), q);
+static __attribute__((always_inline)) Place3 places_of(const Geometry geometry, const INT index, const Real3 q) {
+    return place_on(corners_at(geometry.vertex, geometry.face, TRIANGLE_OR_NONE(geometry, index)), q);
 }
 
 /* What is read of triangles. light: the number of a light, -1: the eye. */
 
 static void triangle_fetch(const Scene *scene, const int light, const int index) {
-    const int number = index - FIRST_TRIANGLE(scene->spheres);
+    const int number = index - FIRST_TRIANGLE(scene->geometry);
     __global const float4 *facets = light < 0 ? scene->facet : scene->light_facet + 3 * (long)light * scene->triangles;
     FETCH(facets, 3 * (long)number);
     FETCH(facets, 3 * (long)number + 2);
-    FETCH(scene->spheres.face, number);
+    FETCH(scene->geometry.face, number);
 }
 
 static void triangle_fetch_first(const Scene *scene, const int light, const int index) {
-    FETCH(scene->light_facet, 3 * ((long)light * scene->triangles + (index - FIRST_TRIANGLE(scene->spheres))));
+    FETCH(scene->light_facet, 3 * ((long)light * scene->triangles + (index - FIRST_TRIANGLE(scene->geometry))));
 }
 
 static void triangle_fetch_leaf(const Scene *scene, const int leaf) {
