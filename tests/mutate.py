@@ -121,8 +121,13 @@ def replace(place: Any, name: str, change: Callable[..., Any]) -> None:
         return
     original = FunctionType(function.__code__, function.__globals__, name, function.__defaults__, function.__closure__)
     original.__kwdefaults__ = function.__kwdefaults__
-    function.__globals__["_mutated"] = partial(change, original)
-    function.__code__ = (lambda *args, **more: _mutated(*args, **more)).__code__  # type: ignore[name-defined] # noqa: F821
+    key = f"mutated {name}"
+    function.__globals__[key] = partial(change, original)
+
+    def call(*args: Any, **more: Any) -> Any:
+        return MUTATION(*args, **more)  # type: ignore[name-defined] # noqa: F821
+
+    function.__code__ = call.__code__.replace(co_names=(key,))
     function.__defaults__ = function.__kwdefaults__ = None
 
 
