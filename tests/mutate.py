@@ -64,8 +64,8 @@ class Kernel(NamedTuple):
     name
         The function or macro.
     body
-        The body of the function that is called in its place, with the same parameters, where CALL stands for the call
-        of the original function; or what replaces the macro.
+        The body of the function that is called in its place, with the same parameters, which may be changed. CALL
+        stands for the call of the original function with them. Of a macro, what replaces it.
     tests
         Arguments of pytest, separated by spaces: the tests that should fail.
     """
@@ -103,8 +103,9 @@ class Kernel(NamedTuple):
         """A definition, and after it the function that all later calls of that name go to."""
         type_ = re.sub(r"__attribute__\(\(\w+\)\) ", "", found["type"])
         names = ", ".join(re.findall(r"(\w+)\s*(?:,|$)", found["parameters"]))
+        variables = re.sub(r"\bconst (?=\w+ \w+\s*(?:,|$))", "", found["parameters"])
         body = self.body.replace("CALL", f"{self.name}({names})")
-        wrapper = f"{type_}mutated({found['parameters']}) {{ {body} }}\n#define {self.name}(...) mutated(__VA_ARGS__)\n"
+        wrapper = f"{type_}mutated({variables}) {{ {body} }}\n#define {self.name}(...) mutated(__VA_ARGS__)\n"
         return found[0] + wrapper
 
 

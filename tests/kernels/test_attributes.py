@@ -27,8 +27,8 @@ BODY = """
                          __global real *out) {
         const int first = (int)get_global_id(0) * W;
         Scene scene;
-        scene.spheres.vertex = vertex;
-        scene.spheres.face = face;
+        scene.geometry.vertex = vertex;
+        scene.geometry.face = face;
         scene.mesh = mesh;
         scene.corner_normal = normal;
         scene.normal_face = normal_face;
