@@ -11,7 +11,7 @@ from solids import ball, box, mesh, octahedron, smooth
 
 import cltrace
 
-SCENES = Path(__file__).parents[2] / "scenes"
+SCENES = Path(__file__).parents[1] / "scenes"
 SIZE = (20, 14)
 OUTPUTS = ("rgb8", "color", "error", "coverage")
 Colors = NDArray[np.float64]
