@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from soft_lights import table
+from stress_cases import box_means
 
 import cltrace
 from cltrace.picture.image import Output
@@ -122,6 +122,8 @@ def test_bytes_are_those_of_the_members() -> None:
     assert whole.color.tobytes() == single.color.tobytes()
     assert whole.shadow_rays.tobytes() == single.shadow_rays.tobytes()
     assert whole.shadow_rays.max() > 24
+    part = cltrace.render(scene, outputs=OUTPUTS, crop=(17, 9, 50, 41))
+    assert part.color.tobytes() == whole.color[9:41, 17:50].tobytes()
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
@@ -132,40 +134,10 @@ def test_the_reference_traces_the_same_members(precision: Any) -> None:
     assert report.ok, report
 
 
-def test_parts_have_the_same_bytes() -> None:
-    scene = crowd(every_kind())
-    whole = cltrace.render(scene, outputs=OUTPUTS).rgb8
-    assert (cltrace.render(scene, outputs=OUTPUTS, crop=(17, 9, 50, 41)).rgb8 == whole[9:41, 17:50]).all()
-
-
-@pytest.mark.slow
-def test_look_and_update_are_new_pictures() -> None:
-    lights = [sky(32)]
-    scene = crowd(lights, **MATTE)
-    renderer = cltrace.Renderer(scene)
-    first = renderer.render().rgb8.copy()
-    camera = replace(CAMERA, position=(2, 3, 8))
-    assert (renderer.look(camera).render().rgb8 == cltrace.render(scene.seen_by(camera)).rgb8).all()
-    renderer.update(np.array(scene.columns.center) + (0.3, 0, 0))
-    assert (renderer.render().rgb8 == cltrace.render(renderer.scene).rgb8).all()
-    assert (renderer.render().rgb8 != first).any()
-    other = renderer.following(scene.lit_by(every_kind()))
-    assert (other.render().rgb8 == cltrace.render(crowd(every_kind(), **MATTE)).rgb8).all()
-
-
-def in_boxes(scene: Scene, k: int) -> np.ndarray:
-    """The means of k x k pixels each, of a picture that is so much larger."""
-    camera = scene.camera
-    width, height = camera.resolution
-    large = scene.seen_by(replace(camera, resolution=(k * width, k * height)))  # type: ignore[type-var]
-    colors = np.minimum(cltrace.render(large, outputs=("color",)).color, 1)
-    return np.asarray(colors.reshape(height, k, width, k, 3).mean(axis=(1, 3)))
-
-
 @pytest.mark.slow
 def test_smooth_edges_average_the_members_shadows() -> None:
     scene = crowd(every_kind())
-    truth = in_boxes(scene, 8)
+    truth = box_means(scene, 8)
     smooth = cltrace.render(scene, antialias=True, samples=64, outputs=("color", "error")).color
     assert np.sqrt(np.mean((smooth - truth) ** 2)) < 1.5 / 255
     plain = np.minimum(cltrace.render(scene, outputs=("color",)).color, 1)
@@ -194,19 +166,6 @@ def test_an_explanation_has_a_soft_light_as_one() -> None:
     assert "light 1 reaches\t0.25" in told.table
     sums = np.sum([term.diffuse for term in soft], axis=0) + np.sum([term.specular for term in soft], axis=0)
     assert sums + told.rays[0].ambient[0].color == pytest.approx(told.color)
-
-
-@pytest.mark.slow
-def test_a_picture_without_a_soft_light_s_shadows_is_found_out() -> None:
-    scene = crowd([sky(16), cltrace.point_light((3, 9, 9), (0.5, 0.5, 0.5))], **MATTE)
-    mine = cltrace.render(scene.lit_by([scene.lights[1:]])).rgb8
-    assert "light-missing" in str(cltrace.compare(scene, mine).to_json())
-
-
-@pytest.mark.slow
-def test_lattices_are_nearer_than_random_directions() -> None:
-    for n, (lattice, drawn) in table(4096, (16, 64, 256)).items():
-        assert lattice < 0.6 * drawn, n
 
 
 @pytest.fixture
