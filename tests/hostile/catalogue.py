@@ -1,9 +1,9 @@
 """The stress catalogue: scenes in which a tracer of rays and spheres goes wrong, and what their pictures must be.
 
 G big spheres, T tiny ones, O offsets, K scales, X the ends of the range, V normals, R degenerate spheres, D rays,
-I inside and on the surface, L lights and shadows, C cameras, P highlights and colours, M mirrors, F glass, E the
-hostile regimes of sphere_regimes.py. The docstring of each function says what goes wrong in a careless tracer. Its
-`amount` is 1, or 16 for as many times the pixels, spheres or scenes.
+I inside and on the surface, L lights and shadows, C cameras, P highlights and colours, M mirrors, F glass. The
+docstring of each function says what goes wrong in a careless tracer. Its `amount` is 1, or 16 for as many times the
+pixels, spheres or scenes.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 
 from cltrace.scene import Camera, Scene, ambient_light, parallel_light, point_light, spot_light
-from hostile.sphere_regimes import REGIMES, TANGENT, globe
+from hostile.sphere_regimes import TANGENT, globe
 from hostile.sphere_scenes import (
     AHEAD,
     AXES,
@@ -512,12 +512,6 @@ def _through_the_centre(amount: int) -> Scenes:
             yield _bouncing(looking(tan=0.5, size=(3, 3)), 4, [((x, y, -7), 5), behind], **material)
 
 
-def _regime(name: str, amount: int) -> Scenes:
-    """float32, or a careless formula, gets decisions wrong: see regimes.py."""
-    for seed in range(2):
-        yield dict(REGIMES)[name](seed, size=frame(amount, 1200))
-
-
 GAPS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, "float", "double")
 
 # fmt: off
@@ -576,7 +570,6 @@ CATALOGUE = [
     Case("F1", "glass at the critical angle +/- 1e-2 .. 1e-12", _critical, TREES),
     Case("F2", "indices of 1, 1e-3 and 1e3, glass in glass", _indices, TREES),
     Case("F3", "through the centre of glass, and grazing it", _through_the_centre, TREES),
-    *(Case("E", name, partial(_regime, name)) for name, _ in REGIMES),
 ]
 # fmt: on
 

@@ -67,7 +67,7 @@ def expected(name: str, most: int = 300) -> Expected:
 
 
 MESHES = {path.stem for path in SCENES if "<mesh" in path.read_text("utf-8")}
-# Two of the scenes with meshes; tests/kernels/test_course_kinds.py and tests/kernels/test_scenes.py hold more of them
+# Two of the scenes with meshes; tests/kernels/test_scenes.py holds more of them
 # against the reference, where there is time for their programs.
 SOME_MESHES = {"step4-meshes", "step8-cone"}
 NAMES = [path.stem for path in SCENES if path.stem not in MESHES - SOME_MESHES] + [str(seed) for seed in RANDOM]
