@@ -4,7 +4,5 @@ record.py       what there is to say, as frozen dataclasses
 words.py        prints it
 explanation.py  all of it, which is what explain() returns: as text, as JSON and as a table
 pixel.py        explain(), which fills the record: a pixel's ray, and those that mirrors and glass send on
-facts.py        what a ray meets, what it passes by narrowly, what each light adds at a point and what is in its way
 textbook.py     the textbook's intersection test of each shape, in doubles, as a student's own code has it
-triples.py      three numbers, and numbers as they are printed
 """

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from cltrace.explanation.record import Facts, Hit, LightTerm, SoftTerm, TracedRay
-from cltrace.explanation.triples import number
+from cltrace.explanation.textbook import number
 from cltrace.explanation.words import line, text
 
 Row = tuple[str, Iterable[float]]

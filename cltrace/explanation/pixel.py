@@ -4,48 +4,48 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from itertools import groupby, product
 
 import numpy as np
 
 from cltrace.base.errors import TooManyRaysError
 from cltrace.explanation.explanation import Explanation
-from cltrace.explanation.facts import Meetings, Names, Space, ambient_terms, light_terms
 from cltrace.explanation.record import (
     AmbientTerm,
     Bounce,
     CameraRay,
     Hit,
     LightTerm,
+    Met,
     Placement,
     SoftTerm,
+    SurfaceTest,
     Term,
     Texel,
     TextureLookup,
     TracedRay,
     total,
 )
-from cltrace.explanation.textbook import KINDS
-from cltrace.explanation.triples import Triple, triple
-from cltrace.explanation.triples import number as written
-from cltrace.reference import (
-    Direction,
-    Intersection,
-    Pixel,
-    Ray,
-    Texture,
-    byte_of,
-    world_of,
-)
-from cltrace.reference.records import Sight
+from cltrace.explanation.textbook import KINDS, Triple, textbook_of, triple
+from cltrace.explanation.textbook import number as written
+from cltrace.explanation.words import Names
+from cltrace.reference import Direction, Intersection, Pixel, Point, Ray, Start, Surface, Texture, byte_of, world_of
+from cltrace.reference.lights import SpotLight
+from cltrace.reference.rays import view_of
+from cltrace.reference.records import Illumination, Shading, Sight
 from cltrace.reference.surfaces import UV
-from cltrace.reference.trace import follow, primary_ray, trace
-from cltrace.scene import Camera, Orthographic, Scene
+from cltrace.reference.trace import closest_hit, follow, primary_ray, trace
+from cltrace.reference.ways import Meeting, behind, blockers, meetings
+from cltrace.scene import AMBIENT, SOFT, AnyCamera, Camera, Orthographic, Scene
 from cltrace.scene.colors import encoded
 
 # Of a material, as of Hit.
 NUMBERS = ("ka", "kd", "ks", "exponent", "reflectance", "transmittance", "index")
 FAINT = 1 / 512  # weight of a ray below which even full white is less than half a level
+MOST_MET = 8  # surfaces that are listed of a ray
+MOST_BETWEEN = 3  # surfaces that are listed between a point and a light
+TIED = "exactly as near as the closest one, which is seen because of its lower number, or that of its triangle"
 
 
 def explain(scene: Scene, x: int, y: int, *, truncate: bool = False, square_pixels: bool = False) -> Explanation:
@@ -66,6 +66,21 @@ def explain(scene: Scene, x: int, y: int, *, truncate: bool = False, square_pixe
     if square_pixels and isinstance(scene.camera, Camera):
         scene = scene.seen_by(replace(scene.camera, square_pixels=True))
     return Explainer(scene).pixel(x, y, truncate)
+
+
+class Space:
+    """The eye and the axes of a camera, in the world."""
+
+    def __init__(self, camera: AnyCamera) -> None:
+        self.eye, self.view = Point(*camera.position), view_of(camera)
+
+    def turned(self, d: Direction) -> Direction:
+        """A direction of camera space in the world, with length 1."""
+        return (self.view.B.T @ d).normalized()
+
+    def start(self, ray: Ray) -> Point:
+        """Where a ray starts, in the world, rounded."""
+        return ray.origin.place + ray.origin.step if isinstance(ray.origin, Start) else self.eye
 
 
 class Explainer:
@@ -96,7 +111,7 @@ class Explainer:
             max_bounces=camera.max_bounces,
             surfaces=sum(map(len, self.scene.shapes)),
             camera=self._camera_ray(x, y),
-            rays=tuple(self._primary(x, y)),
+            rays=tuple(self._rays("primary", primary_ray(camera, x, y), beside=(x, y))),
             color=color,
             rgb8=(red, green, blue),
             truncate=truncate,
@@ -131,34 +146,38 @@ class Explainer:
             line=self.scene.source.camera if self.scene.source else 0,
         )
 
-    def _primary(self, x: int, y: int) -> list[TracedRay]:
-        """The pixel's ray, and all that go on from it."""
-        ray = primary_ray(self.scene.camera, x, y)
-        return self._rays(_Way("primary", ray), 0)
-
-    def _rays(self, way: _Way, place: int) -> list[TracedRay]:
-        """A ray, with its place among all, and those that go on from it."""
-        sight = follow(self.world, way.ray, way.weight, way.depth)
-        ray, at, shading, share = way.ray, sight.at, sight.shading, sight.share
+    def _rays(
+        self,
+        kind: str,
+        ray: Ray,
+        weight: float = 1.0,
+        depth: int = 0,
+        place: int = 0,
+        beside: tuple[int, int] | None = None,
+    ) -> list[TracedRay]:
+        """A ray, with its place among all, and those that go on from it. beside: the pixel whose own ray it is."""
+        sight = follow(self.world, ray, weight, depth)
+        at, shading, share = sight.at, sight.shading, sight.share
         goes_on = at is not None and at.material.passes_on and not sight.last
-        ambient = ambient_terms(self.scene, self.names, at) if at and shading else ()
-        lights = light_terms(self.scene, self.world, self.space, self.names, at, shading) if at and shading else ()
+        ambient = self._ambient_terms(at) if at and shading else ()
+        lights = self._light_terms(at, shading) if at and shading else ()
         local_terms = _local_terms(ambient, lights)
-        on, further = self._bounces(way, sight, place) if goes_on else ((), [])
+        on, further = self._bounces(sight, weight, depth, place) if goes_on else ((), [])
         if at is None:
             terms: tuple[Term, ...] = (Term("background_color", self.world.background),)
         else:
             terms = _mixed(share, _sum(local_terms), on) if goes_on else local_terms
-        meetings = Meetings(self.world, self.space, self.names, ray, at)
+        met, length = meetings(self.world, ray, at), ray.direction.length()
+        missed = self._seen_beside(*beside, at, {one.surface.number for one in met}) if beside else ()
         record = TracedRay(
-            kind=way.kind,
-            depth=way.depth,
-            weight=way.weight,
+            kind=kind,
+            depth=depth,
+            weight=weight,
             origin=triple(self.space.start(ray)),
             direction=triple(self.space.turned(ray.direction)),
-            tests=meetings.found,
-            meets=meetings.count,
-            missed=meetings.missed(way.behind),
+            tests=tuple(self._test(ray, one.surface, one.t * length, tied=one.tied) for one in met[:MOST_MET]),
+            meets=len(met),
+            missed=tuple(self._test(ray, surface, math.inf) for surface in missed),
             hit=self._hit(at, ray) if at else None,
             ambient=ambient,
             lights=lights,
@@ -172,28 +191,93 @@ class Explainer:
         )
         return [record, *further]
 
-    def _bounces(self, way: _Way, sight: Sight, place: int) -> tuple[tuple[Bounce, ...], list[TracedRay]]:
+    def _seen_beside(self, x: int, y: int, at: Intersection | None, met: set[int]) -> Iterable[Surface]:
+        """What the eight pixels around one show before its own surface, if its ray does not meet that at all."""
+        found: dict[int, Surface] = {}
+        for dx, dy in product((-1, 0, 1), repeat=2):
+            other = closest_hit(self.world, primary_ray(self.scene.camera, x + dx, y + dy))
+            if other and other.index not in met and (at is None or other.distance < at.distance):
+                found.setdefault(other.index, other.surface)
+        return found.values()
+
+    def _test(self, ray: Ray, surface: Surface, distance: float, tied: bool = False) -> SurfaceTest:
+        own = isinstance(ray.origin, Start) and ray.origin.surface is surface
+        textbook = textbook_of(surface).of(surface, self.space.start(ray), self.space.turned(ray.direction))
+        remark = TIED if tied else _remark(textbook.first(own), distance, own)
+        return SurfaceTest(self.names.surface(surface), textbook, distance=distance, remark=remark)
+
+    def _bounces(
+        self, sight: Sight, weight: float, depth: int, place: int
+    ) -> tuple[tuple[Bounce, ...], list[TracedRay]]:
         """What goes on from a mirror or through glass, and all rays of that; place: of the ray that came."""
         assert sight.at is not None
         found: list[Bounce] = []
         rays: list[TracedRay] = []
         n = sight.at.normal
         for on in sight.bounces:
-            further, weight = Ray(on.start, on.direction), way.weight * on.share
-            if weight < FAINT:
+            further, share = Ray(on.start, on.direction), weight * on.share
+            if share < FAINT:
                 pixel = Pixel()
-                trace(self.world, further, way.depth + 1, pixel)
+                trace(self.world, further, depth + 1, pixel)
                 number, count, color = None, pixel.rays, pixel.color
             else:
                 number, count = place + 1 + len(rays), 1
-                behind = way.behind + sight.at.distance
-                more = self._rays(_Way(on.kind, further, weight, depth=way.depth + 1, behind=behind), number)
+                more = self._rays(on.kind, further, share, depth + 1, number)
                 rays += more
                 color = more[0].color
-            came, left = _angle(-way.ray.direction, n), _angle(on.direction, -n if on.kind == "refracted" else n)
+            came, left = _angle(-sight.ray.direction, n), _angle(on.direction, -n if on.kind == "refracted" else n)
             seen = Bounce(on.kind, on.total, on.share, number, rays=count, color=color, angle_in=came, angle_out=left)
             found.append(seen)
         return tuple(found), rays
+
+    def _ambient_terms(self, at: Intersection) -> tuple[AmbientTerm, ...]:
+        terms = []
+        for i in np.flatnonzero(self.scene.lights["kind"] == AMBIENT).tolist():
+            red, green, blue = self.scene.lights["color"][i].tolist()
+            r, g, b = (at.material.ka * L * c for L, c in zip((red, green, blue), at.color, strict=True))
+            terms.append(AmbientTerm(self.names.light(i), (red, green, blue), (r, g, b)))
+        return tuple(terms)
+
+    def _light_terms(self, at: Intersection, shading: Shading) -> tuple[LightTerm | SoftTerm, ...]:
+        """One for each light but the ambient ones, in the order of the file; a soft one's has those of its members."""
+        numbers = self.scene.lamp_of[self.scene.lamps["kind"] != AMBIENT].tolist()
+        terms = [self._light_term(at, number, of) for number, of in zip(numbers, shading.lights, strict=True)]
+        found: list[LightTerm | SoftTerm] = []
+        for number, some in groupby(terms, key=lambda term: term.light.number):
+            members = tuple(some)
+            soft = SoftTerm(members[0].light, total(one.L for one in members), members)
+            found.append(soft if self.scene.lights["kind"][number] in SOFT else members[0])
+        return tuple(found)
+
+    def _light_term(self, at: Intersection, number: int, of: Illumination) -> LightTerm:
+        light, cone = of.light, None
+        if isinstance(light, SpotLight):
+            cone = math.degrees(light.off_axis(of.l)), math.degrees(light.alpha1), math.degrees(light.alpha2)
+        between = blockers(self.world, at, of) if of.fate == "in shadow" else []
+        beyond = behind(self.world, at, of) if of.fate == "lit" and not light.parallel else None
+        return LightTerm(
+            light=self.names.light(number),
+            L=light.color,
+            fate=of.fate,
+            l=triple(self.space.turned(of.l)),
+            distance=math.inf if light.parallel else of.w.length(),
+            n_l=of.n_l,
+            cone=cone,
+            strength=of.strength,
+            between=tuple(self._met(at, meeting, of.w) for meeting in between[:MOST_BETWEEN]),
+            blockers=len(between),
+            behind=self._met(at, beyond, of.w) if beyond else None,
+            r=triple(self.space.turned(of.r)),
+            r_v=of.r_v,
+            diffuse=of.diffuse,
+            specular=of.specular,
+        )
+
+    def _met(self, at: Intersection, meeting: Meeting, w: Direction) -> Met:
+        """A surface on the way w from a point to a light."""
+        name, distance = self.names.surface(meeting.surface), meeting.t * w.length()
+        start = at.start.place + at.start.step
+        return Met(name, distance, triple(start + self.space.turned(w) * distance) if math.isfinite(distance) else None)
 
     def _hit(self, at: Intersection, ray: Ray) -> Hit:
         m = at.material
@@ -237,15 +321,15 @@ class Explainer:
         return Placement(rows, back, (x, y, z), (dx, dy, dz))
 
 
-@dataclass(frozen=True)
-class _Way:
-    """A ray on its way: its share of the pixel, how many bounces and what distance lie behind it."""
-
-    kind: str
-    ray: Ray
-    weight: float = 1.0
-    depth: int = 0
-    behind: float = 0.0
+def _remark(textbook: float, exact: float, own: bool) -> str:
+    """What to say where exact arithmetic differs from a textbook's number in what is printed of it."""
+    if math.isinf(exact):
+        return "" if math.isinf(textbook) else "exactly, it passes by: these numbers are rounded"
+    if math.isinf(textbook):
+        return f"exactly, it is met, at t = {written(exact)}: these numbers are rounded"
+    if written(textbook) != written(exact):
+        return f"exactly, t = {written(exact)}: these numbers are rounded"
+    return "the one that is all but 0 is where the ray starts, and does not count: code takes an epsilon" if own else ""
 
 
 def _local_terms(ambient: tuple[AmbientTerm, ...], lights: tuple[LightTerm | SoftTerm, ...]) -> tuple[Term, ...]:

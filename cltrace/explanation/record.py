@@ -10,8 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from cltrace.explanation.textbook import Textbook
-from cltrace.explanation.triples import Triple
+from cltrace.explanation.textbook import Textbook, Triple
 from cltrace.scene.colors import Transfer
 
 Fate = Literal["lit", "behind", "beside the cone", "in shadow", "at the point"]
@@ -73,15 +72,14 @@ class CameraRay:
 class SurfaceTest:
     """A ray and a surface.
 
-    textbook: the textbook's numbers, those of a file of cltrace/explanation/shapes/; distance: where the ray meets it
-    first, by exact arithmetic, inf if it does not; gap: of a ray that passes by, how wide, in pixels; remark: where
-    exact arithmetic says something else than the textbook's numbers, "" if it does not.
+    textbook: the textbook's numbers, see cltrace/explanation/textbook.py; distance: where the ray meets it first, by
+    exact arithmetic, inf if it does not; remark: where exact arithmetic says something else than the textbook's
+    numbers, "" if it does not.
     """
 
     surface: SurfaceName
     textbook: Textbook
     distance: float
-    gap: float = 0.0
     remark: str = ""
 
 
@@ -131,7 +129,7 @@ class TextureLookup:
 class Hit:
     """The closest surface, and the point there.
 
-    shape: what the normal is made of, one of the NORMALS of cltrace/explanation/shapes/; t: the distance; normal:
+    shape: what the normal is made of, one of the NORMALS of cltrace/explanation/textbook.py; t: the distance; normal:
     facing the side from which the ray came; turned: whether it had to be turned there; inside: whether that is the
     inside; placement: of what has a transform, as far as it is known; color: C, the material's times the texture's; the
     rest is the material's.
@@ -274,11 +272,11 @@ class TracedRay:
     """A ray, what it meets, and the colour that it sees.
 
     kind: primary, mirrored or refracted; depth: how many bounces lie behind it; weight: its share of the pixel; tests:
-    the surfaces that it meets, closest first, few of `meets` in all; missed: those that it passes by narrowly, before
-    the closest hit; hit: None for the background; ambient, lights: what the point shows itself, none if that does not
-    count; local_terms, local: the terms of that, and their sum; share: of it in the ray's colour, 1 - reflectance -
-    transmittance where rays go on; last: whether max_bounces ends here what would go on; terms, color: what adds up to
-    the colour that the ray sees, and their sum.
+    the surfaces that it meets, closest first, few of `meets` in all; missed: of a pixel's own ray, those that it does
+    not meet, but that the pixels beside it show before its closest hit; hit: None for the background; ambient, lights:
+    what the point shows itself, none if that does not count; local_terms, local: the terms of that, and their sum;
+    share: of it in the ray's colour, 1 - reflectance - transmittance where rays go on; last: whether max_bounces ends
+    here what would go on; terms, color: what adds up to the colour that the ray sees, and their sum.
     """
 
     kind: str

@@ -10,16 +10,15 @@ from __future__ import annotations
 import itertools
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Self
+from functools import cache
+from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cltrace.base.arithmetic import inverses
-from cltrace.explanation.triples import Triple, number, triple, vector
-from cltrace.reference import Direction, Ellipsoid, Mesh, Point, Ray, Round, Surface, Triangle
+from cltrace.reference import Direction, Mesh, Point, Ray, Round, Surface, Triangle
 from cltrace.reference.clipping import Cap
 from cltrace.reference.cylinders import Cylinder
 from cltrace.reference.lights import ShadowRay
@@ -29,15 +28,20 @@ from cltrace.reference.surfaces import Group, Setting
 from cltrace.reference.vectors import size_of
 from cltrace.reference.world import KINDS as PLAIN
 
+Triple = tuple[float, float, float]
 
-class Footprint(NamedTuple):
-    """How wide a pixel is along a ray: at its start, and by how much more for each unit of the way."""
 
-    width: float
-    more: float
+def triple(v: Point | Direction) -> Triple:
+    return (v.x, v.y, v.z)
 
-    def at(self, t: float) -> float:
-        return self.width + self.more * t
+
+def number(x: float) -> str:
+    """A number as it is printed, with six digits."""
+    return f"{x + 0.0:.6g}"  # makes -0 a 0
+
+
+def vector(v: Triple) -> str:
+    return f"({', '.join(map(number, v))})"
 
 
 @dataclass(frozen=True)
@@ -55,16 +59,6 @@ class Textbook(ABC):
     @abstractmethod
     def of(cls, surface: Any, o: Point, d: Direction) -> Self:
         """That of a surface which is no group."""
-
-    @classmethod
-    def beside(cls, surface: Any, o: Point, d: Direction, pixel: Footprint) -> Iterable[Surface]:
-        """What of a surface of the world a ray may pass by by less than a pixel's width there."""
-        return (surface,)
-
-    @classmethod
-    @abstractmethod
-    def gap(cls, surface: Any, o: Point, d: Direction) -> tuple[float, float, Surface]:
-        """How far a ray passes by one of these, at which t, and what of it is nearest."""
 
     @abstractmethod
     def first(self, own: bool) -> float:
@@ -109,7 +103,7 @@ class Swarm(Group):
     def __init__(self, setting: Setting, make: Callable[[int], Round], places: range) -> None:
         scene = setting.scene
         super().__init__(int(scene.sphere_numbers[places[0]]), setting.view)
-        self._make, self._places, self._made = make, places, dict[int, Round]()
+        self._sphere = cache(lambda row: make(places[row]))
         part = scene.spheres[places.start : places.stop]
         self._centers, self._reach = part["center"], part["radius"].copy()
         bent = part["to_object"] >= 0
@@ -117,18 +111,13 @@ class Swarm(Group):
             sizes = np.abs(inverses(scene.to_object)).sum(axis=(1, 2))
             self._reach[bent] *= sizes[part["to_object"][bent]]
 
-    def sphere(self, row: int) -> Round:
-        if row not in self._made:
-            self._made[row] = self._make(self._places[row])
-        return self._made[row]
-
     def near(self, way: Way | None) -> Iterator[Round]:
         """The spheres that a ray may meet, by rising numbers. All others it surely passes by, or leads away from.
 
         With f from the start to a centre and R the reach, a ray along w passes by where |f x w| > R |w|, and leads away
-        where f.w < -R |w|. As rays.Way has it, with u = 2^-53 and s = |f|_1 + reach, f is
-        off by 48 u s and w by 48 u w1. So f x w and f.w are off by less than 100 u s w1 < 2^-46 s w1, and |w| by 2^-44
-        of itself, as w1 <= 4 |w|_1. A few roundings beside these fit in twice that.
+        where f.w < -R |w|. As rays.Way has it, with u = 2^-53 and s = |f|_1 + reach, f has an error of 48 u s, and w
+        one of 48 u w1. So f x w and f.w have errors below 100 u s w1 < 2^-46 s w1, and |w| one of 2^-44 of itself, as
+        w1 <= 4 |w|_1. A few more roundings fit in twice that.
         """
         rows = np.arange(len(self._reach))
         if way is not None and way.w1 <= 4 * size_of(way.w):
@@ -136,20 +125,12 @@ class Swarm(Group):
             f = (self._centers - np.array(triple(way.place))) - np.array(triple(way.step))
             error = 2.0**-45 * (np.abs(f).sum(axis=1) + way.reach) * way.w1
             room = self._reach * (np.sqrt(w @ w) * (1 + 2.0**-42)) + error
-            rows = np.flatnonzero(~((_lengths(np.cross(f, w)) > room) | (f @ w < -room)))
+            rows = np.flatnonzero(~((np.linalg.norm(np.cross(f, w), axis=1) > room) | (f @ w < -room)))
         for row in rows.tolist():
-            yield self.sphere(row)
+            yield self._sphere(row)
 
     def solids(self, ray: Ray | ShadowRay) -> Iterator[Surface]:
         return self.parts(ray)
-
-    def beside(self, o: Point, d: Direction, pixel: Footprint) -> Iterator[Round]:
-        """Those that a ray may pass by by less than a pixel's width there. d: of length 1."""
-        f, w, R = self._centers - np.array(triple(o)), np.array(triple(d)), self._reach
-        t = f @ w
-        close = (t > -R) & (_lengths(np.cross(f, w)) < R + (pixel.width + pixel.more * (np.abs(t) + R)))
-        for row in np.flatnonzero(close).tolist():
-            yield self.sphere(row)
 
 
 def swarms(setting: Setting) -> Iterator[Surface]:
@@ -161,11 +142,6 @@ def swarms(setting: Setting) -> Iterator[Surface]:
             yield Swarm(setting, make, range(begin, end))
         else:
             yield from map(make, range(begin, end))
-
-
-def _lengths(v: NDArray[np.float64]) -> NDArray[np.float64]:
-    lengths: NDArray[np.float64] = np.sqrt((v * v).sum(axis=1))
-    return lengths
 
 
 @dataclass(frozen=True)
@@ -202,20 +178,6 @@ class SphereTest(Textbook):
         own = sphere.exact.K is not None
         return cls(triple(C), R, own, triple(to_start), direction=triple(way), a=a, b=b, c=c, discriminant=disc, t=t)
 
-    @classmethod
-    def beside(cls, surface: Round | Swarm, o: Point, d: Direction, pixel: Footprint) -> Iterable[Surface]:
-        return surface.beside(o, d, pixel) if isinstance(surface, Swarm) else (surface,)
-
-    @classmethod
-    def gap(cls, sphere: Round, o: Point, d: Direction) -> tuple[float, float, Round]:
-        """Of an ellipsoid, t is where the ray is nearest to it in its own axes."""
-        to_center, way = sphere.seen(sphere.place - o), sphere.seen(d)
-        t = to_center.dot(way) / way.dot(way)
-        across = way * t - to_center
-        length = across.length()
-        outside = across * (1 - sphere.radius / length) if length > 0 else across
-        return math.copysign(_in_world(sphere, outside).length(), length - sphere.radius), t, sphere
-
     def first(self, own: bool) -> float:
         return first_of(self.t, own)
 
@@ -235,11 +197,6 @@ class SphereTest(Textbook):
         yield f"{disc} {'> 0: two intersections' if self.discriminant > 0 else '= 0: one intersection'}"
         near, far = map(number, self.t)
         yield f"    t1 = (-b/2 - sqrt(disc)) / a = {near}, t2 = (-b/2 + sqrt(disc)) / a = {far}"
-
-
-def _in_world(sphere: Round, v: Direction) -> Direction:
-    """Back from a sphere's own axes."""
-    return sphere.L @ v if isinstance(sphere, Ellipsoid) else v
 
 
 @dataclass(frozen=True)
@@ -295,17 +252,6 @@ class CylinderTest(Textbook):
             inside=common(round_, between),
         )
 
-    @classmethod
-    def gap(cls, cylinder: Cylinder, o: Point, d: Direction) -> tuple[float, float, Cylinder]:
-        """As if its ends were round; t is where the ray is nearest to its axis."""
-        f, u = cylinder.start - o, cylinder.axis
-        g, uu, dd = d.dot(u), u.dot(u), d.dot(d)
-        rest = dd * uu - g * g
-        k = (f.dot(d) * g - f.dot(u) * dd) / rest if rest > 0 else 0.0
-        near = f + u * max(0.0, min(1.0, k))
-        t = near.dot(d) / dd
-        return (near - d * t).length() - cylinder.radius, t, cylinder
-
     def first(self, own: bool) -> float:
         return first_of(self.inside, own)
 
@@ -351,12 +297,6 @@ class TriangleTest(Textbook):
         parts = [(Y - X).cross(P - X).dot(N) / area if area else math.nan for X, Y in ((B, C), (C, A), (A, B))]
         return cls((triple(A), triple(B), triple(C)), triple(N), d_n=d_n, t=t, weights=(parts[0], parts[1], parts[2]))
 
-    @classmethod
-    def gap(cls, mesh: Mesh, o: Point, d: Direction) -> tuple[float, float, Surface]:
-        gaps, at = _gaps(mesh, o, d)
-        k = int(np.argmin(gaps)) if len(gaps) else -1
-        return (float(gaps[k]), float(at[k]), mesh.triangle(k)) if k >= 0 else (math.inf, math.inf, mesh)
-
     def first(self, own: bool) -> float:
         return self.t if self.t > 0 and all(weight >= 0 for weight in self.weights) else math.inf
 
@@ -369,29 +309,6 @@ class TriangleTest(Textbook):
         inside = "all >= 0: within" if all(weight >= 0 for weight in self.weights) else "one < 0: outside"
         yield f"    t = (A - o).N / d.N = {number(self.t)}"
         yield f"    weights of A, B and C there: {', '.join(map(number, self.weights))}; {inside}"
-
-
-def _gaps(mesh: Mesh, o: Point, d: Direction) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """How far a ray passes by each triangle of a mesh that is ahead of it as a whole, and at which t; inf for others.
-
-    Seen along the ray the triangles are flat, and the ray is a point: so far is that from the nearest edge.
-    """
-    start, way = np.array(triple(o)), np.array(triple(d))
-    right = np.cross(way, np.eye(3)[np.argmin(np.abs(way))])
-    right /= np.linalg.norm(right)
-    seen = (mesh.of.vertices - start) @ np.stack([right, np.cross(way, right), way], axis=1)
-    corners = seen[mesh.of.geometry.faces]
-    gap, at = np.full(len(corners), math.inf), np.full(len(corners), math.inf)
-    for i in range(3):
-        p, edge = corners[:, i], corners[:, (i + 1) % 3] - corners[:, i]
-        length = np.square(edge[:, :2]).sum(axis=1)
-        along = -(p[:, :2] * edge[:, :2]).sum(axis=1)
-        share = np.clip(np.divide(along, length, out=np.zeros(len(along)), where=length > 0), 0, 1)
-        nearest = p + share[:, None] * edge
-        distance = np.hypot(nearest[:, 0], nearest[:, 1])
-        closer = (distance < gap) & (corners[:, :, 2] > 0).all(axis=1)
-        gap[closer], at[closer] = distance[closer], nearest[closer, 2]
-    return gap, at
 
 
 @dataclass(frozen=True)
@@ -415,10 +332,6 @@ class CapTest(Textbook):
         S, m = plane.point, -plane.inward.normalized()
         d_m = d.dot(m)
         return cls(triple(S), triple(m), d_m, (S - o).dot(m) / d_m if d_m else math.nan)
-
-    @classmethod
-    def gap(cls, cap: Cap, o: Point, d: Direction) -> tuple[float, float, Cap]:
-        return math.inf, math.inf, cap
 
     def first(self, own: bool) -> float:
         return self.t if self.t > 0 else math.inf

@@ -23,11 +23,22 @@ from cltrace.explanation.record import (
     SurfaceTest,
     TracedRay,
 )
-from cltrace.explanation.textbook import NORMALS
-from cltrace.explanation.triples import Triple, number, vector
-from cltrace.reference import byte_of
+from cltrace.explanation.textbook import NORMALS, Triple, number, vector
+from cltrace.reference import Surface, byte_of
+from cltrace.scene import AMBIENT, BALL, LAMBERT, PANEL, PARALLEL, POINT, SKY, SPOT, SUN, Scene
 from cltrace.scene.colors import encoded
 
+LIGHT_NAMES = {
+    AMBIENT: "ambient_light",
+    PARALLEL: "parallel_light",
+    POINT: "point_light",
+    SPOT: "spot_light",
+    LAMBERT: "lambert_light",
+    SKY: "sky_light",
+    SUN: "sun_light",
+    BALL: "ball_light",
+    PANEL: "panel_light",
+}
 FATES = {
     "lit": "reaches the point",
     "behind": "is behind the surface",
@@ -45,6 +56,29 @@ PLURALS = {
 FEW_BLOCKERS = 3  # surfaces that are listed of those between a point and a soft light
 DEEPEST = 12  # bounces, after which rays are not indented further
 LABEL = 44  # width of what is before the numbers of a sum
+
+
+class Names:
+    """What the surfaces, lights and textures of a scene are called."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.source = scene, scene.source
+
+    def surface(self, surface: Surface) -> SurfaceName:
+        number = surface.number
+        line = int(self.source.surfaces[number]) if self.source else 0
+        file = self.source.meshes.get(number) if self.source else None
+        face_line = int(file.lines[surface.primitive]) if file and surface.primitive >= 0 else 0
+        name = file.name if file else ""
+        return SurfaceName(surface.kind, number, line, file=name, primitive=surface.primitive, face_line=face_line)
+
+    def light(self, number: int) -> LightName:
+        """number: among all lights of the scene."""
+        line = int(self.source.lights[number]) if self.source else 0
+        return LightName(LIGHT_NAMES[int(self.scene.lights[number]["kind"])], number, line)
+
+    def texture(self, index: int) -> str:
+        return self.source.textures[index] if self.source else ""
 
 
 def surface(name: SurfaceName, whole: bool = False) -> str:
@@ -172,16 +206,15 @@ def _meetings(ray: TracedRay, surfaces: int) -> Iterator[str]:
     met = "none" if not ray.meets else f"{ray.meets}{more}"
     yield f"Surfaces that it meets: {met}" + ("" if ray.meets else f" of {surfaces}")
     for test in ray.tests:
-        yield from _test(test, ray)
+        yield from _test(test)
     if ray.missed:
-        yield "Surfaces that it misses by less than a pixel"
+        yield "Surfaces that it misses, and that pixels beside this one show"
     for test in ray.missed:
-        yield from _test(test, ray)
+        yield from _test(test)
 
 
-def _test(test: SurfaceTest, ray: TracedRay) -> Iterator[str]:
-    by = f", by {test.gap:.2g} pixels" if math.isinf(test.distance) else ""
-    yield f"  {surface(test.surface)}{by}"
+def _test(test: SurfaceTest) -> Iterator[str]:
+    yield f"  {surface(test.surface)}"
     yield from test.textbook.lines()
     if test.remark:
         yield f"    {test.remark}"

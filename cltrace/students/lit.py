@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.explanation import words
-from cltrace.explanation.facts import Names
+from cltrace.explanation.words import Names
 from cltrace.picture.image import Image
 from cltrace.picture.palettes import Colors, light_sets
 from cltrace.plan.abi import Precision

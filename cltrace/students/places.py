@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cltrace.explanation.explanation import Explanation
 from cltrace.explanation.pixel import Explainer
 from cltrace.explanation.record import LightTerm, SoftTerm, total
-from cltrace.explanation.triples import Triple
+from cltrace.explanation.textbook import Triple
 from cltrace.reference import byte_of
 from cltrace.scene.colors import encoded
 

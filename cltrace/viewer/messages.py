@@ -12,7 +12,7 @@ from typing import Any, Literal, get_args
 
 from cltrace.explanation.explanation import Explanation
 from cltrace.explanation.record import Hit, LightTerm
-from cltrace.explanation.triples import Triple
+from cltrace.explanation.textbook import Triple
 from cltrace.students.places import members
 
 Moves = Literal["orbit", "pan", "zoom", "fit", "parallel", "back", "undo", "fov", "reset"]

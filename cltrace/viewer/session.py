@@ -22,9 +22,8 @@ from numpy.typing import NDArray
 
 from cltrace.base.errors import CltraceError, located
 from cltrace.explanation.explanation import Explanation
-from cltrace.explanation.facts import Names
 from cltrace.explanation.pixel import explain
-from cltrace.explanation.words import light
+from cltrace.explanation.words import Names, light
 from cltrace.picture.image import Image
 from cltrace.plan.request import LATTICES
 from cltrace.renderers.rays import trace_rays
