@@ -257,9 +257,7 @@ def asked(grid: Grid, case: Case) -> Answer:
     start = time.process_time()
     result = cltrace.compare(grid.scene(case.scene, case.size), picture, tolerance=tolerance)
     seconds = time.process_time() - start
-    likely = getattr(result, "likely", None)
     said = " + ".join("|".join((cause.name, *getattr(cause, "rivals", ()))) for cause in result.causes)
-    said += f" (likely {likely.name})" if likely else ""
     return Answer(case, kind_of(case, result), said, seconds)
 
 

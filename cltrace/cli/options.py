@@ -196,11 +196,8 @@ def check_options(o: Options, given: Sequence[str]) -> None:
     middles = o.antialias and (o.show != "color" or o.check is not None)
     refuse(middles, f"--antialias does not go with {other}, which is about the rays of pixels' middles")
     if o.compare is not None:
-        numbers = o.show != "color" or o.compare.lower().endswith(".npy")
-        taken = () if numbers else ("output", "tolerance", "json", "truncate", "antialias")
-        name = "--compare of numbers" if numbers else "--compare"
-        only(name, "compare", "size", "square_pixels", "device", "precision", "show", *taken)
-        refuse(o.show == "primitive", "--compare takes no --show primitive; --show id compares surfaces")
+        drawn = ("size", "square_pixels", "device", "precision", "truncate", "antialias")
+        only("--compare", "compare", "output", "tolerance", "json", *drawn)
         return
     refuse(o.tolerance is not None, "--tolerance goes with --compare")
     refuse(o.json, "--json goes with --explain and --compare; times and counts are --stats=json")

@@ -36,30 +36,19 @@ def explain(options: Options, reporter: Reporter) -> int:
 
 
 def compare(options: Options, reporter: Reporter) -> int:
-    """Prints how a picture, or numbers that a program has found on its way, differ from the right ones, and why.
-
-    Returns 0 if they do not, and 1 if they do.
-    """
+    """Prints how a picture differs from the right one, and why. Returns 0 if it does not, and 1 if it does."""
     scene = scene_of(options.scenes[0], options, reporter)
     target = None if options.output is None else target_of(scene, options, "--compare")
     if sys.stdout is None:
         raise UsageError("stdout is closed")
     if target == "-" and options.json:
         raise UsageError("-o - and --json both want stdout")
-    mine = options.compare or ""
-    how: dict[str, Any] = {"device": choose(options.device), "precision": options.precision}
+    from cltrace.students.compare import compare as comparison_of
+
+    tolerance = 1 if options.tolerance is None else options.tolerance
+    how: dict[str, Any] = {name: getattr(options, name) for name in ("precision", "truncate", "antialias")}
     try:
-        if options.show != "color" or mine.lower().endswith(".npy"):
-            from cltrace.students.dumps import compare_dump
-
-            dump = compare_dump(scene, options.show, mine, **how)
-            print(dump)
-            return 0 if dump.same else 1
-        from cltrace.students.compare import compare as comparison_of
-
-        tolerance = 1 if options.tolerance is None else options.tolerance
-        how |= {"truncate": options.truncate, "antialias": options.antialias}
-        result = comparison_of(scene, mine, tolerance=tolerance, **how)
+        result = comparison_of(scene, options.compare or "", tolerance=tolerance, device=choose(options.device), **how)
     except ValueError as error:
         raise UsageError(str(error)) from None
     if target is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from itertools import zip_longest
@@ -29,7 +29,7 @@ from cltrace.students.places import places
 from cltrace.students.rules import RIGHT, Rules
 from cltrace.students.search import LIKELY, Search, Verdict
 from cltrace.students.tracer import to_bytes
-from cltrace.students.whole import LARGEST, Window, around, place_within, uneven, whole
+from cltrace.students.whole import around, uneven, whole
 
 # Files that hold every pixel as it was written. JPEG does not.
 FORMATS = ("PNG", "BMP", "PPM", "TGA")
@@ -50,10 +50,9 @@ def compare(
 
     picture: an Image with rgb8; an array of uint8, (h, w, 3), (h, w, 4) with alpha, which is ignored, or (h, w) grey;
     or the name of a PNG, BMP, PPM or TGA file; row 0 is the top; one that is larger or smaller than the scene's by a
-    factor is compared at its own size, and of a screenshot that part which is the picture; tolerance: by how many
-    levels, 0..255, a channel may differ; device, precision: what renders the right picture; truncate: whether that
-    rounds bytes down; antialias: whether both are smooth, so that along outlines any mixture of the colours around is
-    right.
+    factor is compared at its own size; tolerance: by how many levels, 0..255, a channel may differ; device, precision:
+    what renders the right picture; truncate: whether that rounds bytes down; antialias: whether both are smooth, so
+    that along outlines any mixture of the colours around is right.
 
     Raises ValueError, which names the argument, where one is not allowed or the picture has other proportions than
     the scene's, TypeError where the scene or the picture is something else altogether, UsageError where the file is no
@@ -68,18 +67,14 @@ def compare(
     if isinstance(tolerance, bool) or not isinstance(tolerance, (int, np.integer)) or not 0 <= tolerance <= 255:
         raise ValueError(f"tolerance: must be a whole number of levels within 0..255, got {tolerance!r}")
     asked = scene.camera.resolution
-    mine, zoom = _unzoomed(pixels_of(picture, asked, or_window=True), asked)
-    window = None
-    if any(size_faults(mine.shape[1::-1], asked)):
-        right = render(scene, device, precision, truncate=truncate).rgb8
-        mine, window = _unwrapped(picture, mine, right)
+    mine = pixels_of(picture, asked)
     size = mine.shape[1], mine.shape[0]
     scene = scene if size == asked else scene.seen_by(replace(scene.camera, resolution=size))
-    right = right if window else render(scene, device, precision, truncate=truncate).rgb8
+    right = render(scene, device, precision, truncate=truncate).rgb8
     smoothed = partial(_smoothed, draw=partial(render, scene, device, precision, truncate=truncate))
     if antialias:
         right = smoothed(mine, right, int(tolerance))
-    result = Comparison(mine, right, int(tolerance), asked=None if size == asked else asked, window=window, zoom=zoom)
+    result = Comparison(mine, right, int(tolerance), asked=None if size == asked else asked)
     result = _judged(scene, result, RIGHT.changed(rounding="down" if truncate else "nearest"), antialias)
     if result.same or not result.error.any():
         return result
@@ -91,16 +86,6 @@ def compare(
             result, error = replace(result, causes=(Cause("antialiased", 1 - left),), explained=1 - left), smooth.error
     ask = partial(question, scene, truncate)
     return replace(result, places=places(Explainer(scene), mine, error, ask=ask, truncate=truncate))
-
-
-def _unzoomed(mine: Bytes, asked: tuple[int, int]) -> tuple[Bytes, int]:
-    """A picture of which each pixel is there several times each way as it was before, and how many times that is."""
-    (width, height), zoom = asked, mine.shape[1] // asked[0]
-    if zoom < 2 or mine.shape != (zoom * height, zoom * width, 3):
-        return mine, 1
-    small = mine[::zoom, ::zoom]
-    same = mine.reshape(height, zoom, width, zoom, 3) == small[:, None, :, None]
-    return (small, zoom) if same.all() else (mine, 1)
 
 
 def _smoothed(mine: Bytes, sharp: Bytes, tolerance: int, draw: Callable[..., Image]) -> Bytes:
@@ -144,12 +129,10 @@ def _judged(scene: Scene, result: Comparison, base: Rules, antialias: bool) -> C
     for name, share in shares.items():
         parts[name] = parts.get(name, 0.0) + left * share
     causes = [Cause(name, share, verdict.rivals.get(name, ())) for name, share in parts.items() if share > 0]
-    likely = verdict.likely
     return replace(
         result,
         causes=tuple(sorted(causes, key=lambda cause: -cause.explains)),
         explained=1 - left + left * together if causes else 0.0,
-        likely=Cause(likely.names[-1], search.fit.explained(likely)) if likely else None,
     )
 
 
@@ -198,54 +181,38 @@ def question(scene: Scene, truncate: bool, x: int, y: int) -> str:
     return " ".join(["cltrace", shlex.quote(printable(source.path)), *options])
 
 
-def _unwrapped(picture: Any, mine: Bytes, right: Bytes) -> tuple[Bytes, Window]:
-    """The part of a screenshot that shows the right picture, and where it is."""
-    height, width = right.shape[:2]
-    place = place_within(mine, right)
-    if place is None:
-        name = printable(os.fspath(picture)) if isinstance(picture, (str, os.PathLike)) else "picture"
-        fault = next(size_faults(mine.shape[1::-1], (width, height)))
-        raise (ValueError if name == "picture" else UsageError)(f"{name}: {fault}")
-    x, y = place
-    return mine[y : y + height, x : x + width], Window(mine.shape[1], mine.shape[0], x=x, y=y)
-
-
-def pixels_of(picture: Any, size: tuple[int, int], or_window: bool = False) -> Bytes:
-    """(h, w, 3) uint8: the pixels of an Image, an array or a file of this width and height; see compare().
-
-    or_window: whether it may be larger on both sides, which may be a window's.
-    """
+def pixels_of(picture: Any, size: tuple[int, int]) -> Bytes:
+    """(h, w, 3) uint8: the pixels of an Image, an array or a file of these proportions; see compare()."""
     if isinstance(picture, (str, os.PathLike)):
-        return _read(os.fspath(picture), size, or_window)
+        return _read(os.fspath(picture), size)
     if not isinstance(picture, (Image, np.ndarray)):
         raise TypeError(f"picture: must be a cltrace.Image, an array of uint8 or the name of a file, got {picture!r}")
     pixels = picture.as_rgb8() if isinstance(picture, Image) else picture
     if pixels.dtype != np.uint8 or not (pixels.ndim == 2 or (pixels.ndim == 3 and pixels.shape[2] in (3, 4))):
         shape = f"got {pixels.shape} of {pixels.dtype}"
         raise ValueError(f"picture: must have shape (h, w, 3), (h, w, 4) or (h, w) and be of uint8, {shape}")
-    for fault in size_faults(pixels.shape[1::-1], size, or_window):
+    if fault := size_fault(pixels.shape[1::-1], size):
         raise ValueError(f"picture: {fault}")
     return np.array(np.repeat(pixels[..., None], 3, axis=2) if pixels.ndim == 2 else pixels[..., :3])
 
 
-def size_faults(found: tuple[int, ...], size: tuple[int, int], or_window: bool = False) -> Iterator[str]:
-    """What is wrong with a picture's width and height, in words for behind its name. A multiple or a part is not."""
+def size_fault(found: tuple[int, ...], size: tuple[int, int]) -> str:
+    """What is wrong with a picture's width and height; "" if they have the proportions of the scene's."""
     (width, height), (w, h) = found, size
-    if or_window and width >= w and height >= h and width * height <= LARGEST:
-        return
-    if width * h != height * w or not width:
-        advice = "are width and height exchanged?" if (height, width) == (w, h) else "--size compares at another size"
-        yield f"has {width}x{height} pixels, but the scene's picture has {w}x{h}; {advice}"
+    if width and width * h == height * w:
+        return ""
+    advice = "are width and height exchanged?" if (height, width) == (w, h) else "--size compares at another size"
+    return f"has {width}x{height} pixels, but the scene's picture has {w}x{h}; {advice}"
 
 
-def _read(path: str, size: tuple[int, int], or_window: bool) -> Bytes:
+def _read(path: str, size: tuple[int, int]) -> Bytes:
     """The pixels of a file, as they are stored. Raises UsageError, which begins with its name."""
     try:
         check_regular(path)
         with warnings.catch_warnings(), Path(path).open("rb") as file:
             warnings.simplefilter("ignore")  # of many pixels, which are counted here
             with Picture.open(file, formats=FORMATS) as image:
-                for fault in size_faults(image.size, size, or_window):
+                if fault := size_fault(image.size, size):
                     raise UnreadableError(fault)
                 return _bytes_of(image)
     except UnreadableError as error:

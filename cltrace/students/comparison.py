@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from cltrace.picture.image import Image
 from cltrace.students.mistakes import BY_NAME, ENOUGH
 from cltrace.students.places import Place
-from cltrace.students.whole import Window
 
 Bytes = NDArray[np.uint8]
 _GAP = 4  # columns between pictures that stand side by side
@@ -55,11 +54,8 @@ class Comparison:
     mine, right: (h, w, 3) uint8; tolerance: by how many levels a channel may differ; same: whether no pixel differs by
     more, and nothing else is wrong; differing: the share of those that do, 0..1; causes: the mistakes that explain
     them, the one that explains most first; explained: the share of the differing pixels that these explain together,
-    0..1, judged by a sample; likely: where none is named, the mistake that the picture looks most like, which leaves
-    or spoils too much to be one of the causes; asked: the width and height that the scene's picture has, if not this
-    one's; window: where the picture is in a screenshot of its window; zoom: how many times each way its file has each
-    pixel; places: pixels to look at, the worst one first,
-    none where the pictures are the same.
+    0..1, judged by a sample; asked: the width and height that the scene's picture has, if not this one's; places:
+    pixels to look at, the worst one first, none where the pictures are the same.
     """
 
     mine: Bytes
@@ -67,10 +63,7 @@ class Comparison:
     tolerance: int
     causes: tuple[Cause, ...] = ()
     explained: float = 0.0
-    likely: Cause | None = None
     asked: tuple[int, int] | None = None
-    window: Window | None = None
-    zoom: int = 1
     places: tuple[Place, ...] = ()
 
     @property
@@ -80,8 +73,7 @@ class Comparison:
 
     @property
     def same(self) -> bool:
-        told = self.causes or self.asked or self.window or self.zoom > 1
-        return not told and self.alike
+        return not (self.causes or self.asked) and self.alike
 
     @property
     def alike(self) -> bool:
@@ -98,12 +90,11 @@ class Comparison:
         return (self.places[0].x, self.places[0].y) if self.places else None
 
     def to_json(self) -> str:
-        """One object: same, differing, and causes, each with name, explains and or, the names of its rivals; likely."""
+        """One object: same, differing, and causes, each with name, explains and or, the names of its rivals."""
         causes: list[dict[str, Any]] = [
             {"name": cause.name, "explains": cause.explains, "or": list(cause.rivals)} for cause in self.causes
         ]
-        told = {"same": self.same, "differing": self.differing, "causes": causes}
-        return json.dumps({**told, "likely": self.likely.name if self.likely else None})
+        return json.dumps({"same": self.same, "differing": self.differing, "causes": causes})
 
     def side_by_side(self) -> Bytes:
         """(h, 3 w + 8, 3): the own picture, the right one, and the difference, in which every level counts fourfold."""
@@ -129,11 +120,6 @@ class Comparison:
         if self.asked:
             sizes = "{}x{} instead of {}x{}".format(*self.mine.shape[1::-1], *self.asked)
             lines.insert(0, f"the picture has another size, {sizes} pixels: it is compared at its own")
-        if self.zoom > 1:
-            lines.insert(0, f"each pixel is there {self.zoom} x {self.zoom} times: one of them is compared")
-        if self.window:
-            width, height, x, y = self.window
-            lines.insert(0, f"the picture is in a window of {width}x{height} pixels, {x},{y} from its left and top")
         lines += [line for cause in self.causes for line in self._words(cause)]
         if not self.alike or self.causes:
             lines += self._rest()
@@ -150,17 +136,12 @@ class Comparison:
     def _rest(self) -> list[str]:
         if not self.causes and (self.error > self.tolerance).sum() < ENOUGH:
             return ["unknown: these are too few to tell a mistake by"]
-        likely = []
-        if self.likely:
-            most = f"it looks most like {self.likely.either}, which fits {_percent(self.likely.explains)} of these"
-            likely = [f"{most}: {self.likely.what}", f"  {self.likely.change}"]
         if not self.causes:
-            return ["unknown: none of the usual mistakes explains the difference", *likely]
+            return ["unknown: none of the usual mistakes explains the difference"]
         if self.explained >= 0.995:
             return []
         together = " together" if len(self.causes) > 1 else ""
-        rest = f"unknown: {_percent(1 - self.explained)}{' that they do not explain' + together if together else ''}"
-        return [rest, *likely]
+        return [f"unknown: {_percent(1 - self.explained)}{' that they do not explain' + together if together else ''}"]
 
     def _where(self, place: Place) -> list[str]:
         mine, right = (" ".join(map(str, picture[place.y, place.x].tolist())) for picture in (self.mine, self.right))

@@ -41,7 +41,7 @@ _SPARED = 0.1  # of the wrong pixels, at least that acne beside another mistake 
 _FREE, _AMID, _SURE = 0.1, 0.2, 0.8  # see _is_speckled
 WORTH = 0.85  # the gain from which on a cause may be the one
 NAMED = 0.97  # the share of the wrong pixels that it has to explain, and less than the rest to spoil
-LIKELY = 0.5  # the gain from which on the picture looks like it
+LIKELY = 0.5  # the gain from which on a cause may be a part of it
 PART = 0.02  # of the wrong pixels, at least that each of two mistakes explains
 RIVALS = 4  # names that may fit equally well, beyond which none is worth saying
 DECISIVE = 3  # pixels by which one explanation is better than another, at least
@@ -148,14 +148,12 @@ class Trial:
 class Verdict:
     """What a picture's differences are explained by.
 
-    named: the mistakes, none where it is unknown; rivals: for each name those that fit as well; likely: what the
-    picture looks most like where its mistakes are not named; others: explanations that are as
-    good as `named`, each with a rival in place of a name.
+    named: the mistakes, none where it is unknown; rivals: for each name those that fit as well; others: explanations
+    that are as good as `named`, each with a rival in place of a name.
     """
 
     named: Trial
     rivals: Mapping[str, Names]
-    likely: Trial | None = None
     others: tuple[Trial, ...] = ()
 
 
@@ -303,11 +301,9 @@ class Search:
         return self.found.free is not None and not self.whole and left <= (1 - NAMED) * everything
 
     def unknown(self) -> Verdict:
-        """What is sure where no look explains the picture, and what it looks most like."""
-        none = Trial(self.whole)
-        likely = max(self.singles, key=lambda trial: trial.score.gain, default=none)
+        """What is sure where no look explains the picture."""
         sure = self.found.sure and self.fit.trial(self.whole).score.gain >= LIKELY
-        return Verdict(none if sure else Trial({}), {}, likely if likely.score.gain >= LIKELY else None)
+        return Verdict(Trial(self.whole if sure else {}), {})
 
     def _looks(self) -> Iterator[list[Trial]]:
         """What may explain the picture, by what takes longer and longer to look for."""

@@ -6,9 +6,9 @@ Surfaces are numbered here by part: each sphere is one, after all spheres each t
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from cltrace.students.rules import SurfaceRules
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
+Bits = NDArray[np.bool_]
 
 # Points are off their surfaces by rounding. A ray meets nothing nearer than this share of the scene's size.
 ROUNDING = 2.0**-34
@@ -26,7 +27,7 @@ _FEW = 24  # parts that are all tried
 _FAN = 4  # nodes below one, and parts in a leaf
 _BLOCK = 2048  # rays at once
 _KEPT = 256  # answers
-_NOTHING = np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0)
+SPHERE, TRIANGLE, CYLINDER = range(3)  # kinds of parts
 
 
 def dot(a: Floats, b: Floats) -> Floats:
@@ -52,10 +53,10 @@ def turned(maps: Floats, a: Floats) -> Floats:
     return np.asarray(np.einsum("nij,nj->ni", maps, a))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rays:
     """n rays. origins, directions: (n, 3), the latter unit vectors; parts: (n,) what each starts on, -1 for nothing;
-    lengths: (n,) of the directions as they should not be, 1 otherwise.
+    lengths: (n,) of the directions as they should not be, 1 otherwise. Rays are equal that meet the same.
     """
 
     origins: Floats
@@ -69,8 +70,15 @@ class Rays:
     def at(self, rows: NDArray[Any]) -> Rays:
         return Rays(self.origins[rows], self.directions[rows], self.parts[rows], self.lengths[rows])
 
-    def key(self) -> int:
+    @cached_property
+    def _hash(self) -> int:
         return hash((self.origins.tobytes(), self.directions.tobytes(), self.parts.tobytes()))
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Rays) and self._hash == other._hash
 
 
 @dataclass(frozen=True)
@@ -83,7 +91,7 @@ class Points:
 
     places: Floats
     outward: Floats
-    inside: NDArray[np.bool_]
+    inside: Bits
     uv: Floats
     materials: Ints
     parts: Ints
@@ -96,19 +104,21 @@ class Shapes:
         self.rules = rules
         self._spheres(scene)
         self._triangles(scene)
-        self.rods, self.first_rod = scene.cylinders, len(self.radii) + len(self.mesh_of)
-        materials = self.mesh_materials[self.mesh_of], self.rods["material"].astype(np.intp)
+        self.cylinders, first_cylinder = scene.cylinders, len(self.radii) + len(self.mesh_of)
+        self.first = 0, len(self.radii), first_cylinder  # part of each kind
+        self.kinds = np.repeat(range(3), [len(self.radii), len(self.mesh_of), len(self.cylinders)])
+        materials = self.mesh_materials[self.mesh_of], self.cylinders["material"].astype(np.intp)
         self.materials = np.concatenate([scene.spheres["material"].astype(np.intp), *materials])
         numbers = np.array([m.number for m in scene.meshes], np.intp)[self.mesh_of]
-        self.numbers = np.concatenate([scene.sphere_numbers, numbers, self.rods["number"]])
+        self.numbers = np.concatenate([scene.sphere_numbers, numbers, self.cylinders["number"]])
         self.order = np.argsort(self.numbers, kind="stable")
         self.rank = np.argsort(self.order)
         low, high = self._bounds()
         self.size = max(float(np.abs([low, high]).max(initial=0)), *map(abs, scene.camera.position), 1e-300)
         self.tree = Tree(low, high) if len(low) > _FEW else None
         self.clear = scene.materials["transmittance"][self.materials] > 0
-        self._answers: OrderedDict[int, tuple[Ints, Ints, Floats]] = OrderedDict()
-        self._seen: OrderedDict[tuple[int, float], tuple[Ints, Points | None]] = OrderedDict()
+        # Most mistakes leave most rays as they are.
+        self.crossings, self.seen = lru_cache(_KEPT)(self._crossings), lru_cache(_KEPT)(self._points_seen)
 
     def _spheres(self, scene: Scene) -> None:
         self.centers, self.radii = scene.spheres["center"].copy(), scene.spheres["radius"].copy()
@@ -174,20 +184,15 @@ class Shapes:
 
     def _bounds(self) -> tuple[Floats, Floats]:
         reach = self.radii[:, None] * np.sqrt(np.square(self.to_world).sum(axis=2))[self.map_of]
-        (start, end), r = (self.rods[name] for name in ("start", "end")), self.rods["radius"][:, None]
+        (start, end), r = (self.cylinders[name] for name in ("start", "end")), self.cylinders["radius"][:, None]
         low = np.concatenate([self.centers - reach, self.corners.min(axis=1), np.minimum(start, end) - r])
         return low, np.concatenate([self.centers + reach, self.corners.max(axis=1), np.maximum(start, end) + r])
 
-    def seen(self, rays: Rays, near: float) -> tuple[Ints, Points | None]:
-        """Which of the rays meet something further off than `near`, and the points there; kept as `crossings` are."""
-        key = rays.key(), near
-        if key not in self._seen:
-            t, parts = self.nearest(rays, near)
-            hit = np.flatnonzero(parts >= 0)
-            self._seen[key] = hit, self.points(rays.at(hit), t[hit], parts[hit]) if len(hit) else None
-            if len(self._seen) > _KEPT:
-                self._seen.popitem(last=False)
-        return self._seen[key]
+    def _points_seen(self, rays: Rays, near: float) -> tuple[Ints, Points | None]:
+        """Which of the rays meet something further off than `near`, and the points there."""
+        t, parts = self.nearest(rays, near)
+        hit = np.flatnonzero(parts >= 0)
+        return hit, self.points(rays.at(hit), t[hit], parts[hit]) if len(hit) else None
 
     # Which parts rays meet
 
@@ -220,7 +225,7 @@ class Shapes:
         t[r[order]], parts[r[order]] = far[order], k[order]
         return t, parts
 
-    def stopped(self, rays: Rays, least: Floats, most: Floats, own: bool = True) -> NDArray[np.bool_]:
+    def stopped(self, rays: Rays, least: Floats, most: Floats, own: bool = True) -> Bits:
         """(n,): whether anything is on a ray's way between two distances, (n,) each.
 
         own: whether that may be the surface that it starts on.
@@ -231,20 +236,11 @@ class Shapes:
         found[r[(t > least[r]) & (t < most[r]) & (own | (k != rays.parts[r])) & stops]] = True
         return found
 
-    def crossings(self, rays: Rays) -> tuple[Ints, Ints, Floats]:
-        """Rays, parts that they cross, and how far off, all of which is more than rounding: of a sphere up to twice.
-
-        Most mistakes leave most rays as they are, so answers are kept.
-        """
-        key = rays.key()
-        if key not in self._answers:
-            blocks = [block for start in range(0, len(rays), _BLOCK) for block in self._crossed(rays, start)]
-            r, k, t = (np.concatenate(parts) for parts in zip(*blocks, strict=True)) if blocks else _NOTHING
-            self._answers[key] = r, k, t
-            if len(self._answers) > _KEPT:
-                self._answers.popitem(last=False)
-        self._answers.move_to_end(key)
-        return self._answers[key]
+    def _crossings(self, rays: Rays) -> tuple[Ints, Ints, Floats]:
+        """Rays, parts that they cross, and how far off, all of which is more than rounding: of a sphere up to twice."""
+        blocks = [block for start in range(0, max(len(rays), 1), _BLOCK) for block in self._crossed(rays, start)]
+        r, k, t = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+        return r, k, t
 
     def _crossed(self, rays: Rays, start: int) -> Iterator[tuple[Ints, Ints, Floats]]:
         block = rays.at(np.arange(start, min(start + _BLOCK, len(rays))))
@@ -253,66 +249,62 @@ class Shapes:
         else:
             r = np.repeat(np.arange(len(block)), len(self.materials))
             k = np.tile(np.arange(len(self.materials)), len(block))
-        of_sphere, of_rod = k < len(self.radii), k >= self.first_rod
-        flat = ~of_sphere & ~of_rod
-        for i, j, t in (
-            *self._spheres_crossed(block, r[of_sphere], k[of_sphere]),
-            self._triangles_crossed(block, r[flat], k[flat]),
-            *(self._rods_crossed(block, r[of_rod], k[of_rod]) if len(self.rods) else ()),
-        ):
-            met = (t > ROUNDING * self.size) & self._is_there(j)  # not where t is NaN
-            yield i[met] + start, j[met], t[met]
+        missing = {"": None, "s": SPHERE, "m": TRIANGLE, "c": CYLINDER}[self.rules.missing]
+        crossed = {SPHERE: self._spheres_crossed, TRIANGLE: self._triangles_crossed, CYLINDER: self._cylinders_crossed}
+        for kind, ends_of in crossed.items():
+            of_kind = self.kinds[k] == kind if kind != missing else np.zeros(len(k), np.bool_)
+            i, j = r[of_kind], k[of_kind]
+            for t in ends_of(block, i, j - self.first[kind], rays.parts[start + i] == j):
+                met = t > ROUNDING * self.size  # not where t is NaN
+                yield i[met] + start, j[met], t[met]
 
-    def _is_there(self, k: Ints) -> Any:
-        balls, rods = k < len(self.radii), k >= self.first_rod
-        return {"": True, "s": ~balls, "m": balls | rods, "c": ~rods}[self.rules.missing]
+    def _looked_at(self, near: Floats, far: Floats) -> tuple[Floats, ...]:
+        """Those of the two ends of the way through a solid that the rules have."""
+        return {"both": (near, far), "near": (near,), "far": (far,)}[self.rules.roots]
 
-    def _spheres_crossed(self, rays: Rays, i: Ints, k: Ints) -> Iterator[tuple[Ints, Ints, Floats]]:
-        """The roots t of |K (o + t d - C)| = r of rays i and spheres k, NaN for none."""
+    # The t of rays i in parts k of a kind; NaN for none. own: (n,) whether the ray starts on it.
+
+    def _spheres_crossed(self, rays: Rays, i: Ints, k: Ints, own: Bits) -> tuple[Floats, ...]:
+        """The roots t of |K (o + t d - C)| = r."""
         o, d = rays.origins[i] - self.centers[k], rays.directions[i]
         if self.has_maps:
             maps = self.to_object[self.map_of[k]]
             o, d = turned(maps, o), turned(maps, d)
         # A ray is at t = 0 on the surface where it starts, so there c is 0 but for rounding.
-        a, b, c = dot(d, d), -dot(o, d), np.where(rays.parts[i] == k, 0.0, dot(o, o) - self.radii[k] ** 2)
+        a, b, c = dot(d, d), -dot(o, d), np.where(own, 0.0, dot(o, o) - self.radii[k] ** 2)
         with np.errstate(invalid="ignore"):
             root = np.sqrt(b * b - a * c)
-        if self.rules.roots != "far":
-            yield i, k, (b - root) / a
-        if self.rules.roots != "near":
-            yield i, k, (b + root) / a
+        return self._looked_at((b - root) / a, (b + root) / a)
 
-    def _rods_crossed(self, rays: Rays, i: Ints, k: Ints) -> Iterator[tuple[Ints, Ints, Floats]]:
-        """Where rays i enter and leave cylinders k: what is within the endless one and between the ends' planes."""
-        rods, d = self.rods[k - self.first_rod], rays.directions[i]
-        axis = rods["end"] - rods["start"]
+    def _cylinders_crossed(self, rays: Rays, i: Ints, k: Ints, own: Bits) -> tuple[Floats, ...]:
+        """The ends of what is within the endless cylinder and between the ends' planes."""
+        cylinders, d = self.cylinders[k], rays.directions[i]
+        axis = cylinders["end"] - cylinders["start"]
         length = np.sqrt(dot(axis, axis))
-        u, o = axis / length[:, None], rays.origins[i] - rods["start"]
+        u, o = axis / length[:, None], rays.origins[i] - cylinders["start"]
         along, speed = dot(o, u), dot(d, u)
         across, way = o - along[:, None] * u, d - speed[:, None] * u
-        a, b, c = dot(way, way), -dot(across, way), dot(across, across) - rods["radius"] ** 2
+        a, b, c = dot(way, way), -dot(across, way), dot(across, across) - cylinders["radius"] ** 2
         with np.errstate(divide="ignore", invalid="ignore"):
             root = np.sqrt(b * b - a * c)
             ends = np.sort([-along / speed, (length - along) / speed], axis=0)
             near, far = np.fmax((b - root) / a, ends[0]), np.fmin((b + root) / a, ends[1])
         met = (near <= far) & ((b * b >= a * c) | (a == 0))
         # A ray is at t = 0 on the surface where it starts.
-        own = rays.parts[i] == k
-        if self.rules.roots != "far":
-            yield i, k, np.where(met & ~(own & (np.abs(near) < np.abs(far))), near, np.nan)
-        if self.rules.roots != "near":
-            yield i, k, np.where(met & ~(own & (np.abs(far) <= np.abs(near))), far, np.nan)
+        starts_near = np.abs(near) < np.abs(far)
+        near = np.where(met & ~(own & starts_near), near, np.nan)
+        return self._looked_at(near, np.where(met & ~(own & ~starts_near), far, np.nan))
 
-    def _triangles_crossed(self, rays: Rays, i: Ints, k: Ints) -> tuple[Ints, Ints, Floats]:
-        """The t of rays i in triangles k; NaN for none. A ray does not meet the one that it starts on."""
+    def _triangles_crossed(self, rays: Rays, i: Ints, k: Ints, own: Bits) -> tuple[Floats]:
+        """A ray does not meet the one that it starts on."""
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            t, b, c = self._crossing(rays.origins[i], rays.directions[i], k - len(self.radii))
-            hit = (b >= 0) & (c >= 0) & (b + c <= 1) & (rays.parts[i] != k)
+            t, b, c = self._crossing(rays.origins[i], rays.directions[i], k)
+            hit = (b >= 0) & (c >= 0) & (b + c <= 1) & ~own
             if self.rules.culled:
-                hit &= self._is_seen(rays.directions[i], k - len(self.radii))
-        return i, k, np.where(hit, t, np.nan)
+                hit &= self._is_seen(rays.directions[i], k)
+        return (np.where(hit, t, np.nan),)
 
-    def _is_seen(self, d: Floats, row: Ints) -> NDArray[np.bool_]:
+    def _is_seen(self, d: Floats, row: Ints) -> Bits:
         side = dot(d, self.flat[row]) * (self.front[row] if self.rules.culled in ("back", "front") else 1.0)
         return np.asarray(side < 0 if self.rules.culled in ("back", "clockwise") else side > 0)
 
@@ -328,81 +320,68 @@ class Shapes:
 
     def points(self, rays: Rays, t: Floats, parts: Ints) -> Points:
         """What rays meet at t, all of which meet something."""
-        places = rays.origins + t[:, None] * rays.directions
-        n = len(rays)
-        outward, uv, inside = np.zeros((n, 3)), np.zeros((n, 2)), np.zeros(n, np.bool_)
-        ball, rod = parts < len(self.radii), parts >= self.first_rod
-        if len(self.rods):
-            self._on_rods(
-                places, rays.directions, k=parts, rows=np.flatnonzero(rod), outward=outward, uv=uv, inside=inside
-            )
-        self._on_spheres(
-            places, rays.directions, k=parts, rows=np.flatnonzero(ball), outward=outward, uv=uv, inside=inside
-        )
-        self._on_triangles(
-            rays, parts - len(self.radii), rows=np.flatnonzero(~ball & ~rod), outward=outward, uv=uv, inside=inside
-        )
+        places, n = rays.origins + t[:, None] * rays.directions, len(rays)
+        outward, inside, uv = np.zeros((n, 3)), np.zeros(n, np.bool_), np.zeros((n, 2))
+        on = {SPHERE: self._on_spheres, TRIANGLE: self._on_triangles, CYLINDER: self._on_cylinders}
+        for kind, points_on in on.items():
+            rows = np.flatnonzero(self.kinds[parts] == kind)
+            k = parts[rows] - self.first[kind]
+            outward[rows], inside[rows], uv[rows] = points_on(rays.at(rows), places[rows], k)
         return Points(places, outward, inside=inside, uv=uv, materials=self.materials[parts], parts=parts)
 
-    def _on_spheres(
-        self, places: Floats, d: Floats, k: Ints, rows: Ints, outward: Floats, uv: Floats, inside: NDArray[np.bool_]
-    ) -> None:
-        k = k[rows]
+    # The outward normals, whether the ray comes from inside, and u and v, of points on parts k of a kind.
+
+    def _on_spheres(self, rays: Rays, places: Floats, k: Ints) -> tuple[Floats, Bits, Floats]:
         to_object, to_world = self.to_object[self.map_of[k]], self.to_world[self.map_of[k]]
-        long = turned(to_object, places[rows] - self.centers[k])
+        long = turned(to_object, places - self.centers[k])
         q = unit(long)
         true = unit(turned(to_object.transpose(0, 2, 1), q))
         wrong = {"right": true, "matrix": turned(to_world, q), "none": q, "inverse": turned(to_object, q)}
-        outward[rows] = unit(wrong["right" if self.rules.normals_of == "m" else self.rules.normals])
+        outward = unit(wrong["right" if self.rules.normals_of == "m" else self.rules.normals])
         if self.rules.long_normals.endswith(("t", "r")):
-            outward[rows] = turned(to_object.transpose(0, 2, 1), q if "t" in self.rules.long_normals else long)
-        inside[rows] = dot(d[rows], outward[rows] if self.rules.sided_by_normal else true) > 0
-        uv[rows, 0] = 0.5 + np.arctan2(q[:, 0] + 0.0, q[:, 2]) / (2 * np.pi)
-        uv[rows, 1] = np.arctan2(np.hypot(q[:, 0], q[:, 2]), q[:, 1]) / np.pi
+            outward = turned(to_object.transpose(0, 2, 1), q if "t" in self.rules.long_normals else long)
+        inside = dot(rays.directions, outward if self.rules.sided_by_normal else true) > 0
+        u = 0.5 + np.arctan2(q[:, 0] + 0.0, q[:, 2]) / (2 * np.pi)
+        v = np.arctan2(np.hypot(q[:, 0], q[:, 2]), q[:, 1]) / np.pi
+        return outward, inside, np.stack([u, v], axis=1)
 
-    def _on_rods(
-        self, places: Floats, d: Floats, k: Ints, rows: Ints, outward: Floats, uv: Floats, inside: NDArray[np.bool_]
-    ) -> None:
+    def _on_cylinders(self, rays: Rays, places: Floats, k: Ints) -> tuple[Floats, Bits, Floats]:
         """A point is on a flat end if the plane of that is as near as the side."""
-        rods = self.rods[k[rows] - self.first_rod]
-        axis = rods["end"] - rods["start"]
+        cylinders = self.cylinders[k]
+        axis = cylinders["end"] - cylinders["start"]
         length = np.sqrt(dot(axis, axis))
-        u, p = axis / length[:, None], places[rows] - rods["start"]
+        u, p = axis / length[:, None], places - cylinders["start"]
         along = dot(p, u)
         m = p - along[:, None] * u
-        gaps = np.abs([np.sqrt(dot(m, m)) - rods["radius"], along, length - along])
+        gaps = np.abs([np.sqrt(dot(m, m)) - cylinders["radius"], along, length - along])
         part = gaps.argmin(axis=0)[:, None]
-        outward[rows] = np.where(part == 0, unit(m), np.where(part == 1, -u, u))
-        inside[rows] = dot(d[rows], outward[rows]) > 0
+        outward = np.where(part == 0, unit(m), np.where(part == 1, -u, u))
         e1 = cross(np.eye(3)[np.abs(axis).argmin(axis=1)], axis)
         around = np.arctan2(dot(m, unit(cross(axis, e1))), dot(m, unit(e1))) / (2 * np.pi)
         down = 1 - np.clip(along / length, 0, 1)
-        uv[rows] = np.stack([0.5 + around, np.where(part[:, 0] == 0, down, np.round(down))], axis=1)
+        uv = np.stack([0.5 + around, np.where(part[:, 0] == 0, down, np.round(down))], axis=1)
+        return outward, dot(rays.directions, outward) > 0, uv
 
-    def _on_triangles(
-        self, rays: Rays, row: Ints, rows: Ints, outward: Floats, uv: Floats, inside: NDArray[np.bool_]
-    ) -> None:
+    def _on_triangles(self, rays: Rays, _: Floats, k: Ints) -> tuple[Floats, Bits, Floats]:
         """Normals interpolated in the object's space; outward is the side where the triangle's front is."""
-        row = row[rows]
-        o, d = rays.origins[rows], rays.directions[rows]
+        o, d = rays.origins, rays.directions
         with np.errstate(divide="ignore", invalid="ignore"):
-            _, b, c = self._crossing(o, d, row)
+            _, b, c = self._crossing(o, d, k)
         weights = np.stack([1 - b - c, b, c], axis=1)[:, :, None]
-        own = (weights * self.corner_normals[row]).sum(axis=1)
+        own = (weights * self.corner_normals[k]).sum(axis=1)
         without = ~own.any(axis=1)
-        linear, inverse = self.linear[self.mesh_of[row]], self.inverse[self.mesh_of[row]]
+        linear, inverse = self.linear[self.mesh_of[k]], self.inverse[self.mesh_of[k]]
         maps: dict[str, Floats] = {"right": inverse.transpose(0, 2, 1), "matrix": linear, "inverse": inverse}
         which, flat = "right" if self.rules.normals_of == "s" else self.rules.normals, self.rules.flat_normals
-        front = self.flat[row] * self.front[row][:, None]
-        m = np.where(without[:, None], self.own_flat[row] * self.front[row][:, None], own)
+        front = self.flat[k] * self.front[k][:, None]
+        m = np.where(without[:, None], self.own_flat[k] * self.front[k][:, None], own)
         m = turned(maps[which], m) if which in maps else m
         m = m if flat else np.where(without[:, None], front, m)
-        inside[rows] = dot(d, front) > 0
+        inside = dot(d, front) > 0
         # The rule of the format: a shading normal is on the side that the ray came from.
         seen = m if "m" in self.rules.long_normals else unit(m)
         seen = np.where((dot(seen, d) > 0)[:, None], -seen, seen)
-        outward[rows] = np.where(inside[rows][:, None], -seen, seen)
-        uv[rows] = (weights * self.corner_uv[row]).sum(axis=1)
+        return np.where(inside[:, None], -seen, seen), inside, (weights * self.corner_uv[k]).sum(axis=1)
 
 
 def edited(steps: Floats, how: str) -> Floats:

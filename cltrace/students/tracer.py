@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.scene import AMBIENT, FULL, LAMBERT, PARALLEL, SPOT, AnyCamera, Camera, Scene, lamps_of
+from cltrace.scene.colors import decoded, encoded
 from cltrace.students.rules import (
     RIGHT,
     BounceRules,
@@ -26,25 +26,13 @@ from cltrace.students.rules import (
     SurfaceRules,
     TextureRules,
 )
-from cltrace.students.shapes import Floats, Ints, Points, Rays, Shapes, cross, dot, unit
+from cltrace.students.shapes import Bits, Floats, Ints, Points, Rays, Shapes, cross, dot, unit
 
 # Rays that count for less show nothing: half a level at most.
 _FAINT = 2.0**-13
 _BRIGHT = 2.0**40  # times 255 is still a whole number of 64 bits
 _AT_ONCE = 2**16  # points times lamps
 _MUCH = 1e30  # what a highlight may grow to by a mistake, so that 0 times it is 0
-
-
-@dataclass(frozen=True)
-class _View:
-    """Rays as they come to what they meet.
-
-    directions: (n, 3); depth: how many bounces lie behind them; lengths: (n,), see Rays.
-    """
-
-    directions: Floats
-    depth: int
-    lengths: Floats
 
 
 class Tracer:
@@ -105,13 +93,11 @@ class Tracer:
             share = {"local": np.ones(len(hit)), "weighted": share, "black": np.zeros(len(hit))}[rules.bounces.last]
         sums, lit = np.zeros((len(hit), 3)), np.flatnonzero(share > 0)
         if len(lit):
-            local = np.maximum(
-                self._local(_rows(at, lit), _View(seen.directions[lit], depth, seen.lengths[lit]), rules), 0.0
-            )
+            local = np.maximum(self._local(_rows(at, lit), seen.at(lit), depth, rules), 0.0)
             sums[lit] = share[lit, None] * (np.minimum(local, 1) if rules.phong.clamped in ("local", "both") else local)
         if not last:
-            for further, rows, part in self._bounces(seen, at, weights, rules):
-                np.add.at(sums, rows, part[:, None] * self._trace(further, weights[rows] * part, depth + 1, rules))
+            further, rows, part = self._bounces(seen, at, weights, rules)
+            np.add.at(sums, rows, part[:, None] * self._trace(further, weights[rows] * part, depth + 1, rules))
         colors[hit] = np.minimum(sums, 1) if rules.phong.clamped in ("traced", "both") else sums
         return colors
 
@@ -123,8 +109,8 @@ class Tracer:
 
     # Light
 
-    def _local(self, at: Points, view: _View, rules: Rules) -> Floats:
-        """Phong's formula for all lights together, (n, 3)."""
+    def _local(self, at: Points, rays: Rays, depth: int, rules: Rules) -> Floats:
+        """Phong's formula for all lights together, (n, 3), of points that rays see after so many bounces."""
         material, color = self.scene.materials[at.materials], self._surface_color(at, rules)
         normal = at.outward
         normal = np.where(self._turned(at, rules.phong.turned_for_light, rules)[:, None], -normal, normal)
@@ -135,14 +121,12 @@ class Tracer:
         ambient = ka[:, None] * self.ambient
         matte, shine = np.zeros_like(ambient), np.zeros_like(ambient)
         reached = np.zeros((len(self.lights), len(ambient)), np.bool_)
-        reaching = -1 if rules.lights.reaching is None else rules.lights.reaching[min(view.depth, 1)]
+        reaching = -1 if rules.lights.reaching is None else rules.lights.reaching[min(depth, 1)]
         on = np.array([reaching >> k & 1 for k in self.light_of.tolist()], np.bool_)
         lamps, light_of, most = self.lamps[on], self.light_of[on], max(_AT_ONCE // len(ambient), 1)
         for first in range(0, len(lamps), most):
             some = lamps[first : first + most]
-            diffuse, highlight, counted = self._illuminate(
-                at, view, normal=normal, material=material, lamps=some, rules=rules
-            )
+            diffuse, highlight, counted = self._illuminate(at, rays, normal, lamps=some, rules=rules)
             power = np.minimum(some["color"], 1) if rules.phong.clamped == "lights" else some["color"]
             matte += np.einsum("kn,kc->nc", diffuse, power)
             shine += np.einsum("kn,kc->nc", highlight, power)
@@ -154,21 +138,21 @@ class Tracer:
         bare = material["ka"][:, None] * self.ambient * (rules.phong.ka == "bare")
         return np.asarray(light * color + bare + shine * (color if rules.phong.tinted else 1.0))
 
-    def _turned(self, at: Points, turns: bool, rules: Rules) -> NDArray[np.bool_]:
+    def _turned(self, at: Points, turns: bool, rules: Rules) -> Bits:
         """(n,): whether the normals of points are turned against rays that come from inside."""
         return at.inside & (turns | (rules.surfaces.turned_meshes & (at.parts >= len(self.scene.spheres))))
 
     def _illuminate(
-        self, at: Points, view: _View, normal: Floats, material: NDArray[np.void], lamps: NDArray[np.void], rules: Rules
-    ) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+        self, at: Points, rays: Rays, normal: Floats, lamps: NDArray[np.void], rules: Rules
+    ) -> tuple[Floats, Floats, Bits]:
         """Of k lamps at n points, (k, n): kd (n.l) and ks (r.v)^exponent, times their strength, if nothing is between.
 
         And whether ambient light is counted for them.
         """
-        phong = rules.phong
+        phong, material = rules.phong, self.scene.materials[at.materials]
         l, strength, w = to_lights(lamps, at.places, rules.lights)  # noqa: E741
         n_l = np.abs(dot(normal, l)) if phong.facing == "absolute" else dot(normal, l)
-        v = -view.directions * view.lengths[:, None]
+        v = -rays.directions * rays.lengths[:, None]
         faces, every = n_l > 0, np.ones(n_l.shape, np.bool_)
         lit = faces if phong.facing == "lit" else every
         reached = every.copy()
@@ -188,7 +172,7 @@ class Tracer:
         counted = every if phong.ambient in ("each", "one more") else counted
         return share * material["kd"] * cosine * (phong.kd == "right"), share * material["ks"] * lobe, counted
 
-    def _shadowed(self, at: Points, normal: Floats, w: Floats, kinds: Ints, rules: Rules) -> NDArray[np.bool_]:
+    def _shadowed(self, at: Points, normal: Floats, w: Floats, kinds: Ints, rules: Rules) -> Bits:
         """(n,): whether anything stands on the way w to a lamp of this kind; that to a parallel light has no end."""
         distance = np.sqrt(dot(w, w))
         origins, parts = at.places, at.parts
@@ -231,7 +215,7 @@ class Tracer:
 
     # Mirrors and glass
 
-    def _bounces(self, rays: Rays, at: Points, weights: Floats, rules: Rules) -> list[tuple[Rays, Ints, Floats]]:
+    def _bounces(self, rays: Rays, at: Points, weights: Floats, rules: Rules) -> tuple[Rays, Ints, Floats]:
         """The rays that go on from points, together: which of them each comes from, and how much of it that sees."""
         d, n = rays.directions * rays.lengths[:, None], at.outward
         inside = self._turned(at, rules.bounces.turned_for_rays, rules)
@@ -251,13 +235,11 @@ class Tracer:
             rows.append(on)
             parts.append(share[on])
         on = np.concatenate(rows)
-        if not len(on):
-            return []
         direction, origins, start = np.concatenate(directions), at.places[on], at.parts[on]
         if rules.lights.epsilon_of_bounces and rules.lights.measured == "normal":
             side = np.sign(dot(direction, facing[on]))
             origins, start = origins + (rules.lights.epsilon * side)[:, None] * facing[on], np.full_like(start, -1)
-        return [(Rays(origins, direction, start, np.concatenate(lengths)), on, np.concatenate(parts))]
+        return Rays(origins, direction, start, np.concatenate(lengths)), on, np.concatenate(parts)
 
     def _through(self, d: Floats, facing: Floats, at: Points, rules: BounceRules) -> tuple[Floats, Floats, Floats]:
         """Where light goes in glass, and how much is mirrored and how much goes there, with Fresnel's share if so."""
@@ -441,22 +423,12 @@ def looked_up(texels: Floats, uv: Floats, rules: TextureRules) -> Floats:
     return np.asarray(upper * (1 - t) + lower * t)
 
 
-def refracted(d: Floats, normal: Floats, eta: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+def refracted(d: Floats, normal: Floats, eta: Floats) -> tuple[Floats, Bits]:
     """Snell's law for unit vectors d and normals against them, and where there is total reflection, (n,)."""
     c = -dot(d, normal)
     k = 1 - eta * eta * (1 - c * c)
     bent = eta[:, None] * d + (eta * c - np.sqrt(np.maximum(k, 0)))[:, None] * normal
     return np.where((eta == 1)[:, None], d, bent), k < 0
-
-
-def encoded(c: Floats) -> Floats:
-    """sRGB's curve of linear colours, 0..1 (IEC 61966-2-1)."""
-    return np.where(c <= 0.0031308, 12.92 * c, 1.055 * c ** (1 / 2.4) - 0.055)
-
-
-def decoded(c: Floats) -> Floats:
-    """The inverse of `encoded`."""
-    return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
 
 
 def to_bytes(colors: Floats, rules: PictureRules = RIGHT.picture) -> NDArray[np.int64]:
@@ -466,11 +438,11 @@ def to_bytes(colors: Floats, rules: PictureRules = RIGHT.picture) -> NDArray[np.
         c = np.repeat((c @ np.array(rules.grey))[..., None], 3, axis=-1)
     c = 1 - c if rules.inverted else c
     if rules.gamma == 0:
-        c = encoded(c)
+        c = encoded(c, "srgb")
     elif rules.gamma != 1:
         c = c ** (1 / rules.gamma)
     if rules.profile:
-        c = encoded(np.clip(decoded(c) @ np.array(rules.profile).reshape(3, 3).T, 0, 1))
+        c = encoded(np.clip(decoded(c, "srgb") @ np.array(rules.profile).reshape(3, 3).T, 0, 1), "srgb")
     scale, offset = {"nearest": (255, 0.5), "wrapped": (255, 0.5), "256": (255.999, 0)}.get(rules.rounding, (255, 0))
     if rules.rounding in ("whole", "unscaled"):
         return np.asarray(np.floor(c) * (255 if rules.rounding == "whole" else 1), np.int64)

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.scene.colors import decoded
 from cltrace.students.rules import RIGHT, CameraRules, Changes, Mistake, variants
-from cltrace.students.tracer import decoded, to_bytes
+from cltrace.students.tracer import to_bytes
 
 Levels = NDArray[np.int64]  # (h, w, 3), 0..255
 Bits = NDArray[np.bool_]
@@ -318,7 +319,7 @@ def profile(mine: Levels, right: Levels) -> Made:
     White stays white, as profiles are adapted to it: each row of the matrix has the sum 1. So what a pixel has beside
     its green is shown beside its green.
     """
-    right_light, shown = decoded(right / 255), decoded(mine / 255)
+    right_light, shown = decoded(right / 255, "srgb"), decoded(mine / 255, "srgb")
     green = right_light[:, 1:2]
     light = (right_light - green)[:, ::2]
     rows = np.arange(len(light))
@@ -382,54 +383,3 @@ def _even(rows: Levels, background: Levels) -> int:
         return 0
     even = (rows == color).all(axis=(1, 2))
     return len(even) if even.all() else int(np.argmin(even))
-
-
-# A picture inside a screenshot of its window: where it is
-
-LARGEST = 2**24  # pixels of a screenshot, in which every place is tried
-_WINDOW_PROBES, _FIRST = 400, 24  # pixels that are looked at in the best places, and in every place
-_BEST = 64  # places that are looked at again
-_EDGE_STEP = 16  # levels by which these differ from a neighbour: where all is alike, all places fit
-_WINDOW_NEAR = 8  # levels by which they may be off, so that a mistake of the colours is found in its window, too
-_WINDOW_FITS = 0.6  # of them, at least, that are right in the place where the picture is
-
-
-class Window(NamedTuple):
-    """Width and height of a screenshot, and where in it the picture begins, from its left and its top, in pixels."""
-
-    width: int
-    height: int
-    x: int
-    y: int
-
-
-def place_within(mine: NDArray[np.uint8], right: NDArray[np.uint8]) -> tuple[int, int] | None:
-    """Column and row of the screenshot, (H, W, 3), where the right picture, (h, w, 3), fits best; None if it does not.
-
-    Of places that fit equally well, the first. A picture without any edge fits everywhere, and so nowhere.
-    """
-    y, x = _telling(right)
-    if len(x) < _FIRST:
-        return None
-    down, across = (m - r + 1 for m, r in zip(mine.shape, right.shape[:2], strict=False))
-    hits = np.zeros((down, across), np.int32)
-    for i, j in zip(y[:_FIRST].tolist(), x[:_FIRST].tolist(), strict=True):
-        hits += (np.abs(mine[i : i + down, j : j + across].astype(np.int16) - right[i, j]) <= _WINDOW_NEAR).all(axis=2)
-    places = np.argsort(-hits, axis=None, kind="stable")[:_BEST]
-    shares = []
-    for row, column in zip(*np.unravel_index(places, hits.shape), strict=True):
-        seen = mine[row + y, column + x].astype(np.int16)
-        shares.append(float((np.abs(seen - right[y, x]) <= _WINDOW_NEAR).all(axis=1).mean()))
-    best = int(np.argmax(shares))
-    row, column = divmod(int(places[best]), across)
-    return (column, row) if shares[best] >= _WINDOW_FITS else None
-
-
-def _telling(right: NDArray[np.uint8]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows and columns of some pixels that differ from their neighbours, always the same ones, in no order."""
-    levels = right.astype(np.int16)
-    edges = np.zeros(right.shape[:2], np.bool_)
-    edges[:, 1:] |= np.abs(np.diff(levels, axis=1)).max(axis=2) >= _EDGE_STEP
-    edges[1:] |= np.abs(np.diff(levels, axis=0)).max(axis=2) >= _EDGE_STEP
-    some = np.random.default_rng(0).permutation(np.flatnonzero(edges))[:_WINDOW_PROBES]
-    return np.divmod(some, right.shape[1])

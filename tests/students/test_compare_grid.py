@@ -153,17 +153,6 @@ def test_another_size_is_said_and_compared(grid: Grid, factor: int) -> None:
     assert str(result) == told
 
 
-@pytest.mark.parametrize("name", [(), ("no-shadows",)])
-def test_a_picture_that_is_shown_larger_is_compared_as_it_was(grid: Grid, name: tuple[str, ...]) -> None:
-    picture = grid.draw(Case("vector", "step3-shadows", (60, 45), name))
-    result = cltrace.compare(grid.scene("step3-shadows", (60, 45)), np.kron(picture, np.ones((3, 3, 1), np.uint8)))
-    assert not result.same
-    assert result.zoom == 3
-    np.testing.assert_array_equal(result.mine, picture)
-    assert [cause.name for cause in result.causes] == list(name)
-    assert "each pixel is there 3 x 3 times" in str(result)
-
-
 def test_of_equals_each_is_named(grid: Grid) -> None:
     """All spot lights of a scene with one are gone whether it is left out, or its kind is."""
     answer = asked(grid, Case("vector", "spot", SIZE, ("no-spot-lights",)))
@@ -213,7 +202,7 @@ def test_rivals_are_so_beside_a_second_mistake(grid: Grid) -> None:
 def test_where_too_many_single_mistakes_explain_all_no_two_are_named(grid: Grid) -> None:
     """Without their light, balls look as from inside, and more: two others did so, too."""
     answer = asked(grid, Case("tutorial", "tall", (40, 30), ("no-parallel-lights",)))
-    assert answer.said == " (likely far-root)"
+    assert answer.said == ""
 
 
 @pytest.mark.parametrize(
@@ -297,22 +286,6 @@ def test_a_smooth_picture_of_which_much_is_wrong_needs_no_other_one(grid: Grid) 
         right = _smoothed(wrong, sharp, 1, draw)
         assert (np.abs(right.astype(int) - wrong) > 1).any() == (wrong is not sharp)
         assert drawn == ([] if wrong is not sharp else [True])
-
-
-@pytest.mark.parametrize("name", [(), ("no-shadows",)])
-def test_a_screenshot_of_the_window_is_cut_out(grid: Grid, name: tuple[str, ...]) -> None:
-    """What is around a picture, here a title, a frame and another window, is taken away before it is compared."""
-    case = Case("vector", "step3-shadows", (60, 45), name)
-    picture = grid.draw(case)
-    screen = np.random.default_rng(4).integers(0, 256, (90, 100, 3), dtype=np.uint8)
-    screen[20:80, 8:72] = 230
-    screen[32:77, 10:70] = picture
-    result = cltrace.compare(grid.scene(case.scene, case.size), screen)
-    assert result.window == (100, 90, 10, 32)
-    assert not result.same
-    np.testing.assert_array_equal(result.mine, picture)
-    assert [cause.name for cause in result.causes] == list(name)
-    assert "in a window of 100x90 pixels, 10,32 from" in str(result)
 
 
 def test_a_larger_picture_of_something_else_is_refused(grid: Grid) -> None:
