@@ -40,9 +40,9 @@ __kernel void tally(const int n, const int pitch, __global const short *restrict
     for (int row_ = covers[pitch + i] >> level; row_ <= bottom_; row_++)       \
         for (int cell = base_ + row_ * pitch_ + (covers[i] >> level); cell <= base_ + row_ * pitch_ + right_; cell++)
 
-/* The level of a sphere's size less a lift; lift < 0: level 0. */
-INLINE int level_of(const int wide, const int high, const int lift) {
-    return lift < 0 ? 0 : max(bits_of(max(wide, high)) - lift, 0);
+/* level < 0: each surface is on the level of its size. */
+INLINE int level_of(const int wide, const int high, const int level) {
+    return level < 0 ? bits_of(max(wide, high)) : level;
 }
 
 /* A depth, as bits that rise with it, above an index. */
@@ -52,25 +52,13 @@ INLINE ulong key_of(const float near, const int index) {
     return (ulong)rising << 32 | (uint)index;
 }
 
-/* How many entries each cell has, of spheres that are each on the level of its size less `lift`. */
-__kernel void count_entries(const int n, const int pitch, const int lift, __constant Levels *levels,
+/* How many entries each cell has. level: see level_of(). */
+__kernel void count_entries(const int n, const int pitch, const int level, __constant Levels *levels,
                             __global const short *restrict covers, __global const float *restrict near,
                             volatile __global int *count) {
     FOR_EACH_MEMBER(i, n) {
-        const int level = level_of(covers[2L * pitch + i], covers[3L * pitch + i], lift);
-        FOR_EACH_CELL(cell, i, level)
-        atomic_inc(count + cell);
-    }
-}
-
-/* The same of surfaces each of which is on a level of its own; level < 0: it has an outline instead. */
-__kernel void count_members(const int n, const int pitch, __constant Levels *levels,
-                            __global const char *restrict level_of, __global const short *restrict covers,
-                            volatile __global int *count) {
-    FOR_EACH_SPHERE(i, n) {
-        const int level = level_of[i];
-        if (level < 0) continue;
-        FOR_EACH_CELL(cell, i, level)
+        const int own = level_of(covers[2L * pitch + i], covers[3L * pitch + i], level);
+        FOR_EACH_CELL(cell, i, own)
         atomic_inc(count + cell);
     }
 }
@@ -97,27 +85,16 @@ __kernel void start_cells(const int cells, const int at, const int first, __glob
     if (get_global_id(0) == get_global_size(0) - 1) start[at + cells] = total;
 }
 
-/* The entries of all spheres, each into the lists of its cells. */
-__kernel void scatter_entries(const int n, const int pitch, const int lift, __constant Levels *levels,
+/* The entries, each into the lists of its cells. first, named, member: surface i has the index member[i] where these
+ * are named, and else first + i. */
+__kernel void scatter_entries(const int n, const int pitch, const int level, const int first, const int named,
+                              __constant Levels *levels, __global const int *restrict member,
                               __global const short *restrict covers, __global const float *restrict near,
                               volatile __global int *next, __global ulong *restrict entry) {
     FOR_EACH_MEMBER(i, n) {
-        const ulong key = key_of(near[i], i);
-        const int level = level_of(covers[2L * pitch + i], covers[3L * pitch + i], lift);
-        FOR_EACH_CELL(cell, i, level)
-        entry[atomic_inc(next + cell)] = key;
-    }
-}
-
-__kernel void scatter_members(const int n, const int pitch, __constant Levels *levels,
-                              __global const char *restrict level_of, __global const short *restrict covers,
-                              __global const int *restrict member, __global const float *restrict near,
-                              volatile __global int *next, __global ulong *restrict entry) {
-    FOR_EACH_SPHERE(i, n) {
-        const int level = level_of[i];
-        if (level < 0) continue;
-        const ulong key = key_of(near[i], member[i]);
-        FOR_EACH_CELL(cell, i, level)
+        const ulong key = key_of(near[i], named ? member[i] : first + i);
+        const int own = level_of(covers[2L * pitch + i], covers[3L * pitch + i], level);
+        FOR_EACH_CELL(cell, i, own)
         entry[atomic_inc(next + cell)] = key;
     }
 }

@@ -61,20 +61,12 @@ INLINE MASK is_first(__global const char *again, const int n, const int i) {
     return LOAD_LANES(lane) == 0;
 }
 
-INLINE FLOAT clipped(const FLOAT x, const int low, const int high) {
-    const FLOAT above = x < (FLOAT)low ? (FLOAT)low : x;
-    return above > (FLOAT)high ? (FLOAT)high : above;
-}
-
 /* loose: by how much slopes are off, beside a share of themselves; axis: x: leads from slopes to pixels, y, z: what is
  * added to begin and end; range: the first pixel, and the one after the last. */
 INLINE Run pixels_of(const Slopes s, const double loose, const double4 axis, const int2 range, const int shift) {
     const REAL slack = (fabs(s.low) + fabs(s.high)) * SLACK + loose;
-    const FLOAT first = clipped(TO_FLOAT(ceil((s.low - slack) * axis.x + axis.y)), range.x, range.y);
-    const FLOAT last = clipped(TO_FLOAT(floor((s.high + slack) * axis.x + axis.z)), range.x - 1, range.y - 1);
-    const INT begin = TO_INT(first) >> shift;
-    const Run run = {begin, (TO_INT(last) >> shift) - begin, first <= last};
-    return run;
+    return run_between(TO_FLOAT(ceil((s.low - slack) * axis.x + axis.y)),
+                       TO_FLOAT(floor((s.high + slack) * axis.x + axis.z)), range, shift);
 }
 
 /* A sphere in the picture. across, down: its edges; loose: see pixels_of(); ahead: whether any of it may be before the
@@ -126,18 +118,15 @@ INLINE Ends with_sphere(const Ends so_far, const FromEye s, const int along) {
 
 /* unit, eye, right, up, back: of Eye; some_again, again: whether spheres are equal to one before them, which is not
  * seen; x_axis, y_axis, x_range, y_range: see pixels_of(); shift: a cell has
- * 2^shift pixels a side; along: whether rays are parallel; keep_seen: whether to write the first three columns of
- * `seen`; part: NOTES for each work-item. */
-__kernel void see_from_eye(const int n, const int pitch, const double unit, const double4 eye, const double4 right,
-                           const double4 up, const double4 back, const int some_again, const double4 x_axis,
-                           const double4 y_axis, const int2 x_range, const int2 y_range, const int shift,
-                           const int along, const int keep_seen, __global const double *restrict center,
-                           __global const double *restrict radius, __global const char *restrict again,
-                           __global out4 *restrict center_radius, __global out2 *restrict power,
-                           __global double4 *restrict world, __global float4 *restrict eye_filter,
-                           __global double *restrict seen, __global char *restrict flags,
-                           __global short *restrict covers, __global float *restrict near,
-                           __global int *restrict unsure, __global double *restrict part) {
+ * 2^shift pixels a side; along: whether rays are parallel; part: NOTES for each work-item. */
+__kernel void
+see_from_eye(const int n, const int pitch, const double unit, const double4 eye, const double4 right, const double4 up,
+             const double4 back, const int some_again, const double4 x_axis, const double4 y_axis, const int2 x_range,
+             const int2 y_range, const int shift, const int along, __global const double *restrict center,
+             __global const double *restrict radius, __global const char *restrict again,
+             __global out4 *restrict center_radius, __global out2 *restrict power, __global double4 *restrict world,
+             __global float4 *restrict eye_filter, __global char *restrict flags, __global short *restrict covers,
+             __global float *restrict near, __global int *restrict unsure, __global double *restrict part) {
     const Eye from = {unit, eye, right, up, back};
     const Packed to = {center_radius, power, world, eye_filter};
     Ends ends = {0, 1};
@@ -148,11 +137,6 @@ __kernel void see_from_eye(const int n, const int pitch, const double unit, cons
         note_unsure(unsure, i, n, s.excess.lo);
         ends = with_sphere(ends, s, along);
         pack_spheres(to, i, s, along);
-        if (keep_seen) {
-            STORE_LANES(s.near.x, seen + i);
-            STORE_LANES(s.near.y, seen + pitch + i);
-            STORE_LANES(s.near.z, seen + 2L * pitch + i);
-        }
         MASK visible = LANE < n - i;
         if (some_again) visible &= is_first(again, n, i);
         store_flags(visible ? (INT)VISIBLE : (INT)0, flags + i);
@@ -206,4 +190,33 @@ __kernel void mend_eye(const int count, const int along, const double unit, cons
             else power[sphere].x = value[k], world[sphere].w = lo[i + k];
         }
     }
+}
+
+/* The buffers of spheres as a parallel light sees them, and all of them as discs: see cube_discs(). c: the axis that
+ * leads to the light; a, b: those across. */
+__kernel void see_along(const int n, const int pitch, const double unit, const double4 eye, const double4 right,
+                        const double4 up, const double4 back, const double4 a, const double4 b, const double4 c,
+                        const long first, __global const double *restrict center,
+                        __global const double *restrict radius, __global float4 *restrict light_filter,
+                        __global char *restrict light_side, __global char *restrict flags,
+                        __global double *restrict edges, __global float *restrict near,
+                        __global double *restrict part) {
+    const Eye from = {unit, eye, right, up, back};
+    Extent extent = no_discs();
+    FOR_EACH_PACKET(i, n) {
+        const FromEye sphere = from_eye(from, point_of(center, n, i), column(radius, n, i));
+        const REAL r = sphere.r, u = turned_along(a, sphere.near), v = turned_along(b, sphere.near),
+                   s = turned_along(c, sphere.near);
+        WRITE_ROWS_4(float, light_filter, first + i, TO_FLOAT(u), TO_FLOAT(v), disc_filter(u, v, r, 0x1p-60), (FLOAT)0);
+        for (int k = 0; k < W; k++) light_side[first + i + k] = 1;
+
+        const INT flag = load_flags(flags + i);
+        const MASK member = (flag & VISIBLE) != 0;
+        const FLOAT depth = rounded_down(-(s + r) - SLACK * (fabs(s) + r) - 0x1p-100);
+        const REAL disc[EXTENTS] = {u - r, u + r, v - r, v + r, TO_REAL(depth), r - s + 0x1p-10};
+        store_discs(disc, member, &extent, edges + i, pitch);
+        STORE_LANES(member ? depth : (FLOAT)INFINITY, near + i);
+        store_flags(flag & VISIBLE, flags + i);
+    }
+    note_discs(extent, part);
 }

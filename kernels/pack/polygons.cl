@@ -371,34 +371,20 @@ typedef struct {
     REAL corner[2][3];
 } Covered;
 
-/* The cells between two edges: of a picture, and of a light's window. */
-INLINE Run tiles_between(const FLOAT *edge, __constant double *axis, __constant Place *place) {
-    const int shift = 31 - clz(place->pixels), first = axis[0], stop = axis[1];
+/* The cells between two edges. */
+INLINE Run cells_between(const FLOAT *edge, const double4 axis, __constant Place *place) {
+    if (!place->pixels)
+        return cells_of(TO_REAL(edge[0]) - place->loose, TO_REAL(edge[1]) + place->loose, axis, place->slack);
     const float off = place->loose;
-    const FLOAT begin = clipped(ceil(edge[0] - off), first, stop),
-                end = clipped(floor(edge[1] + off), first - 1, stop - 1);
-    const INT tile = TO_INT(begin) >> shift;
-    const Run run = {tile, (TO_INT(end) >> shift) - tile, begin <= end};
-    return run;
-}
-
-INLINE Run cells_between(const FLOAT *edge, __constant double *axis, __constant Place *place) {
-    const REAL low = TO_REAL(edge[0]) - place->loose, high = TO_REAL(edge[1]) + place->loose;
-    const REAL loose = place->slack * ((1 + fabs(low)) + fabs(high)), begin = low - loose, end = high + loose;
-    const REAL first = (begin - axis[0]) * axis[2] - 0.015625, last = (end - axis[0]) * axis[2] + 0.015625;
-    const REAL from = first < 0 ? (REAL)0 : first > axis[3] ? (REAL)axis[3] : first;
-    const REAL to = last < 0 ? (REAL)0 : last > axis[3] ? (REAL)axis[3] : last;
-    const INT cell = TO_INT(from);
-    const Run run = {cell, TO_INT(to) - cell, TO_MASK((end >= axis[0]) & (begin <= axis[1]))};
-    return run;
+    return run_between(ceil(edge[0] - off), floor(edge[1] + off), (int2)((int)axis.x, (int)axis.y),
+                       31 - clz(place->pixels));
 }
 
 INLINE Covered cells_under(const Polygon p, const MASK seen, __constant Place *place) {
     Covered c;
     c.within = seen;
     for (int k = 0; k < 2; k++) {
-        c.run[k] = place->pixels ? tiles_between(p.edge + 2 * k, place->axis[k], place)
-                                 : cells_between(p.edge + 2 * k, place->axis[k], place);
+        c.run[k] = cells_between(p.edge + 2 * k, vload4(0, place->axis[k]), place);
         c.within &= c.run[k].any;
     }
     if (!place->pixels) c.within &= p.near < place->furthest;
@@ -439,9 +425,6 @@ __kernel void sample_polygons(const int count, const int first, const int stride
 /* An outline is sixteen numbers: three corners in cells, across and up each, what they are off by, and the bits of the
  * triangle's index, of its depth, of its level, and of the first and the last column and row there. */
 #define OUTLINE 16
-/* What stands in the place of a level where a triangle has an outline, and where it is not entered. */
-#define OUTLINED -2
-#define ABSENT -1
 
 /* Adds the outlines of those polygons that sprawl. i: the first triangle's index; off: of Place. */
 INLINE void add_outlines(const Covered c, const FLOAT near, const int level, const int i, const double off,
@@ -470,14 +453,14 @@ INLINE void add_outlines(const Covered c, const FLOAT near, const int level, con
     }
 }
 
-/* Enters triangles. level_of: the level of each one that has no outline, else OUTLINED or ABSENT. outlines: how many
- * there are. For each work-item: how many are entered. */
+/* Enters triangles. near: of those without outlines; nan where there is an outline, infinite where a triangle is not
+ * entered. outlines: how many there are. For each work-item: how many are entered. */
 __kernel void place_polygons(const int m, const int pitch, const int side, __constant Pane *pane,
                              __constant Place *place, __global const int *restrict point,
                              __global const int *restrict face, __global const char *restrict among,
                              __global short *restrict covers, __global float *restrict near,
-                             __global char *restrict level_of, __global int *restrict outlines,
-                             __global float *restrict outline, __global long *restrict part) {
+                             __global int *restrict outlines, __global float *restrict outline,
+                             __global long *restrict part) {
     const Some all = {0, 1, m};
     LONG members = 0;
     FOR_EACH_PACKET(i, m) {
@@ -490,13 +473,13 @@ __kernel void place_polygons(const int m, const int pitch, const int side, __con
             c = cells_under(p, wanted & !p.large, place);
         }
         if (!ANY(wanted) || !ANY(c.within)) {
-            store_flags((INT)ABSENT, level_of + i);
+            STORE_LANES((FLOAT)INFINITY, near + i);
             continue;
         }
         store_covers(c.run[0], c.run[1], covers + i, pitch);
-        STORE_LANES(p.near, near + i);
+        const FLOAT depth = c.sprawls ? (FLOAT)NAN : p.near;
+        STORE_LANES(c.within ? depth : (FLOAT)INFINITY, near + i);
         members += TO_LONG(c.within ? (INT)1 : (INT)0);
-        store_flags(c.within ? (c.sprawls ? (INT)OUTLINED : (INT)place->level) : (INT)ABSENT, level_of + i);
         if (ANY(c.sprawls)) add_outlines(c, p.near, place->level, i, place->off, outlines, outline);
     }
     part[get_global_id(0)] = sum_of_lanes(members);
@@ -589,8 +572,8 @@ __kernel void count_outlines(const int n, const int pixels, __constant Levels *l
     }
 }
 
-/* The entries of polygons with outlines. index: of the first triangle. The rest: see scatter_members() in cells.cl. */
-__kernel void scatter_outlines(const int n, const int pixels, const int index, __constant Levels *levels,
+/* The entries of polygons with outlines. first: the first triangle's index. The rest: see scatter_entries(). */
+__kernel void scatter_outlines(const int n, const int pixels, const int first, __constant Levels *levels,
                                __global const float *restrict outline, volatile __global int *next,
                                __global ulong *restrict entry) {
     FOR_EACH_PACKET(i, n) {
@@ -600,25 +583,11 @@ __kernel void scatter_outlines(const int n, const int pixels, const int index, _
         ulong key[W];
         STORE_LANES(o.index, triangle);
         STORE_LANES(AS(float, o.near), near);
-        for (int k = 0; k < W; k++) key[k] = key_of(near[k], index + triangle[k]);
+        for (int k = 0; k < W; k++) key[k] = key_of(near[k], first + triangle[k]);
         for (INT row = o.top; ANY(row <= o.bottom); row++) {
             const Runs runs = runs_of(&o, row);
             for (int k = 0; k < W; k++)
                 for (int cell = runs.begin[k]; cell < runs.end[k]; cell++) entry[atomic_inc(next + cell)] = key[k];
         }
-    }
-}
-
-/* The entries of polygons without outlines, which count_members() in cells.cl counts. */
-__kernel void scatter_polygons(const int n, const int pitch, const int index, __constant Levels *levels,
-                               __global const char *restrict level_of, __global const short *restrict covers,
-                               __global const float *restrict near, volatile __global int *next,
-                               __global ulong *restrict entry) {
-    FOR_EACH_SPHERE(i, n) {
-        const int level = level_of[i];
-        if (level < 0) continue;
-        const ulong key = key_of(near[i], index + i);
-        FOR_EACH_CELL(cell, i, level)
-        entry[atomic_inc(next + cell)] = key;
     }
 }

@@ -2,9 +2,9 @@
 
 /* Spheres as the eye and the lights at points see them: cltrace/plan/shapes/sphere.py.
  *
- * `seen` holds four columns of `pitch` doubles each: the centre as seen from the eye or from a light, along the
- * camera's axes, and |centre|^2 - radius^2; in the float buffers' unit. out2 and out4, of the host, are the types of
- * the buffers that are packed: floats or doubles.
+ * unit: leads from scene units to the float buffers' unit; lamp: a light at a point of the world, in that unit; power:
+ * |centre|^2 - radius^2 of each sphere as seen from there. out2 and out4, of the host, are the types of the buffers
+ * that are packed: floats or doubles.
  */
 #define ROUNDING 0x1p-24
 
@@ -24,11 +24,11 @@ INLINE void note_unsure(__global int *index, const int i, const int n, const REA
         if (i + k < n && lane[k] != lane[k]) index[1 + atomic_inc(index)] = i + k;
 }
 
-/* Puts numbers where they belong in a column that begins at `first`. */
-__kernel void mend(const int count, const int first, __global const int *restrict index,
-                   __global const double *restrict value, __global double *restrict column) {
+/* Puts numbers where they belong in a column. */
+__kernel void mend(const int count, __global const int *restrict index, __global const double *restrict value,
+                   __global double *restrict column) {
     FOR_EACH_SPHERE(i, count)
-    column[first + index[i]] = value[i];
+    column[index[i]] = value[i];
 }
 
 /* See filter_constant() of cltrace/plan/shapes/sphere.py: v, c: the centre, and |centre|^2 - radius^2. */
@@ -44,27 +44,24 @@ INLINE FLOAT disc_filter(const REAL u, const REAL v, const REAL r, const double 
     return -rounded_down(-(reach * reach));
 }
 
-/* Spheres as a light at a point sees them, along the world's axes. lamp: the light in the world, in the float
- * buffers' unit. */
-__kernel void see_from_light(const int n, const int pitch, const double unit, __global const double *restrict center,
-                             __global const double *restrict radius, const double4 lamp, __global double *restrict seen,
+/* Makes `power`. */
+__kernel void see_from_light(const int n, const double unit, const double4 lamp, __global const double *restrict center,
+                             __global const double *restrict radius, __global double *restrict power,
                              __global int *restrict unsure) {
     FOR_EACH_PACKET(i, n) {
         const Real3 p = point_of(center, n, i);
         const Pair3 v = {two_sum(p.x * unit, -lamp.x), two_sum(p.y * unit, -lamp.y), two_sum(p.z * unit, -lamp.z)};
         const Pair c = square_excess(v, column(radius, n, i) * unit);
-        STORE_LANES(v.x.hi, seen + i);
-        STORE_LANES(v.y.hi, seen + pitch + i);
-        STORE_LANES(v.z.hi, seen + 2L * pitch + i);
-        STORE_LANES(c.hi, seen + 3L * pitch + i);
+        STORE_LANES(c.hi, power + i);
         note_unsure(unsure, i, n, c.lo);
     }
 }
 
-/* What is in the first three columns of `seen` from row i on. */
-INLINE Real3 place_of(__global const double *seen, const int pitch, const int i) {
-    const Real3 p = {LOAD_LANES(seen + i), LOAD_LANES(seen + pitch + i), LOAD_LANES(seen + 2L * pitch + i)};
-    return p;
+/* The centres from sphere i on as a light at a point sees them, along the world's axes. */
+INLINE Real3 from_light(__global const double *center, const int n, const int i, const double unit,
+                        const double4 lamp) {
+    const Real3 p = point_of(center, n, i), v = {p.x * unit - lamp.x, p.y * unit - lamp.y, p.z * unit - lamp.z};
+    return v;
 }
 
 INLINE REAL turned_along(const double4 axis, const Real3 v) {
@@ -72,12 +69,13 @@ INLINE REAL turned_along(const double4 axis, const Real3 v) {
 }
 
 /* The buffers of spheres as a light at a point sees them. */
-__kernel void pack_light(const int n, const int pitch, const double4 right, const double4 up, const double4 back,
-                         const long first, __global const double *restrict seen, __global float4 *restrict light_filter,
+__kernel void pack_light(const int n, const double unit, const double4 lamp, const double4 right, const double4 up,
+                         const double4 back, const long first, __global const double *restrict center,
+                         __global const double *restrict power, __global float4 *restrict light_filter,
                          __global char *restrict light_side) {
     FOR_EACH_PACKET(i, n) {
-        const Real3 v = place_of(seen, pitch, i);
-        const REAL c = LOAD_LANES(seen + 3L * pitch + i);
+        const Real3 v = from_light(center, n, i, unit, lamp);
+        const REAL c = LOAD_LANES(power + i);
         const INT side = TO_MASK(c > 0) ? (INT)1 : TO_MASK(c < 0) ? (INT)-1 : (INT)0;
         WRITE_ROWS_4(float, light_filter, first + i, TO_FLOAT(-turned_along(right, v)), TO_FLOAT(-turned_along(up, v)),
                      TO_FLOAT(-turned_along(back, v)), filter_constant(v, c));
@@ -87,30 +85,16 @@ __kernel void pack_light(const int n, const int pitch, const double4 right, cons
     }
 }
 
-/* The same for another camera: light_filter, of which only the directions are others than those of `before`. unit,
- * lamp: see see_from_light(). */
-__kernel void turn_light(const int n, const double unit, __global const double *restrict center, const double4 lamp,
-                         const double4 right, const double4 up, const double4 back, const long first,
-                         __global const float4 *restrict before, __global float4 *restrict light_filter) {
+/* Turns the directions of light_filter, which another camera's axes made. */
+__kernel void turn_light(const int n, const double unit, const double4 lamp, const double4 right, const double4 up,
+                         const double4 back, const long first, __global const double *restrict center,
+                         __global float4 *restrict light_filter) {
     FOR_EACH_PACKET(i, n) {
-        const Real3 p = point_of(center, n, i);
-        const Real3 v = {p.x * unit - lamp.x, p.y * unit - lamp.y, p.z * unit - lamp.z};
+        const Real3 v = from_light(center, n, i, unit, lamp);
         float lane[W];
-        for (int k = 0; k < W; k++) lane[k] = before[first + i + k].w;
+        for (int k = 0; k < W; k++) lane[k] = light_filter[first + i + k].w;
         WRITE_ROWS_4(float, light_filter, first + i, TO_FLOAT(-turned_along(right, v)), TO_FLOAT(-turned_along(up, v)),
                      TO_FLOAT(-turned_along(back, v)), LOAD_LANES(lane));
-    }
-}
-
-/* The buffers of spheres as a parallel light sees them; a, b: the axes across it. */
-__kernel void pack_along(const int n, const int pitch, const double unit, const double4 a, const double4 b,
-                         const long first, __global const double *restrict seen, __global const double *restrict radius,
-                         __global float4 *restrict light_filter, __global char *restrict light_side) {
-    FOR_EACH_PACKET(i, n) {
-        const Real3 place = place_of(seen, pitch, i);
-        const REAL r = column(radius, n, i) * unit, u = turned_along(a, place), v = turned_along(b, place);
-        WRITE_ROWS_4(float, light_filter, first + i, TO_FLOAT(u), TO_FLOAT(v), disc_filter(u, v, r, 0x1p-60), (FLOAT)0);
-        for (int k = 0; k < W; k++) light_side[first + i + k] = 1;
     }
 }
 
@@ -178,11 +162,24 @@ INLINE void store_flags(const INT value, __global char *flags) {
     STORE_LANES(TO(char, value), flags);
 }
 
+INLINE FLOAT clipped(const FLOAT x, const int low, const int high) {
+    const FLOAT above = x < (FLOAT)low ? (FLOAT)low : x;
+    return above > (FLOAT)high ? (FLOAT)high : above;
+}
+
 /* The cells that a disc covers along one axis: the first one, and how many more. */
 typedef struct {
     INT begin, more;
     MASK any;
 } Run;
+
+/* From one pixel to another within a range, with cells of 2^shift pixels. */
+INLINE Run run_between(const FLOAT begin, const FLOAT end, const int2 range, const int shift) {
+    const FLOAT first = clipped(begin, range.x, range.y), last = clipped(end, range.x - 1, range.y - 1);
+    const INT cell = TO_INT(first) >> shift;
+    const Run run = {cell, (TO_INT(last) >> shift) - cell, first <= last};
+    return run;
+}
 
 INLINE void store_covers(const Run across, const Run down, __global short *covers, const int pitch) {
     store_short(across.begin, covers);
@@ -221,14 +218,15 @@ INLINE MASK is_on_side(const OnCube at, const REAL reach, const int side) {
 }
 
 /* On which sides of the cube any sphere is seen: for each work-item, a bit for each of +x, -x, +y, -y, +z, -z. */
-__kernel void cube_sides(const int n, const int pitch, const double unit, const double4 a, const double4 b,
-                         const double4 c, __global const double *restrict seen, __global const double *restrict radius,
-                         __global char *restrict flags, __global int *restrict part) {
+__kernel void cube_sides(const int n, const double unit, const double4 lamp, const double4 a, const double4 b,
+                         const double4 c, __global const double *restrict center,
+                         __global const double *restrict radius, __global char *restrict flags,
+                         __global int *restrict part) {
     const double4 cube[3] = {a, b, c};
     int sides = 0;
     FOR_EACH_PACKET(i, n) {
         const INT flag = load_flags(flags + i);
-        const OnCube at = on_cube(place_of(seen, pitch, i), column(radius, n, i) * unit, cube);
+        const OnCube at = on_cube(from_light(center, n, i, unit, lamp), column(radius, n, i) * unit, cube);
         const REAL reach = reach_of(at);
         for (int side = 0; side < 6; side++)
             if (ANY(is_on_side(at, reach, side) & ((flag & VISIBLE) != 0))) sides |= 1 << side;
@@ -271,17 +269,17 @@ INLINE void note_discs(const Extent e, __global double *part) {
 }
 
 /* The spheres that are seen through one side of the cube, as discs. part: see note_discs(). */
-__kernel void cube_discs(const int n, const int pitch, const double unit, const double4 a, const double4 b,
-                         const double4 c, const int side, __global const double *restrict seen,
-                         __global const double *restrict radius, __global const char *restrict flags,
-                         __global double *restrict edges, __global float *restrict near,
-                         __global double *restrict part) {
+__kernel void cube_discs(const int n, const int pitch, const double unit, const double4 lamp, const double4 a,
+                         const double4 b, const double4 c, const int side, __global const double *restrict center,
+                         __global const double *restrict radius, __global const double *restrict power,
+                         __global const char *restrict flags, __global double *restrict edges,
+                         __global float *restrict near, __global double *restrict part) {
     const int axis = side / 2, right = (axis + 1) % 3, up = (axis + 2) % 3;
     const double4 cube[3] = {a, b, c};
     Extent extent = no_discs();
     FOR_EACH_PACKET(i, n) {
         const INT flag = load_flags(flags + i);
-        const OnCube at = on_cube(place_of(seen, pitch, i), column(radius, n, i) * unit, cube);
+        const OnCube at = on_cube(from_light(center, n, i, unit, lamp), column(radius, n, i) * unit, cube);
         const MASK member = is_on_side(at, reach_of(at), side) & ((flag & VISIBLE) != 0);
         if (!ANY(member)) {
             STORE_LANES((FLOAT)INFINITY, near + i);
@@ -290,33 +288,11 @@ __kernel void cube_discs(const int n, const int pitch, const double unit, const 
         const REAL d = side % 2 ? -at.c[axis] : at.c[axis];
         const Circles circle = circles(d, at.r, (d - at.r) * (d + at.r));
         const Slopes x = slopes(at.c[right], circle), y = slopes(at.c[up], circle);
-        const FLOAT depth = nearest(at.distance, at.r, LOAD_LANES(seen + 3L * pitch + i));
+        const FLOAT depth = nearest(at.distance, at.r, LOAD_LANES(power + i));
         const REAL span = at.distance + at.r, far = span * span * (1 + 0x1p-10);
         const REAL disc[EXTENTS] = {x.low, x.high, y.low, y.high, TO_REAL(depth), far};
         store_discs(disc, member, &extent, edges + i, pitch);
         STORE_LANES(member ? depth : (FLOAT)INFINITY, near + i);
-    }
-    note_discs(extent, part);
-}
-
-/* What cube_discs() makes, for all spheres, as a parallel light sees them: c is the axis that leads there.
- */
-__kernel void discs_along(const int n, const int pitch, const double unit, const double4 a, const double4 b,
-                          const double4 c, __global const double *restrict seen, __global const double *restrict radius,
-                          __global char *restrict flags, __global double *restrict edges, __global float *restrict near,
-                          __global double *restrict part) {
-    Extent extent = no_discs();
-    FOR_EACH_PACKET(i, n) {
-        const INT flag = load_flags(flags + i);
-        const MASK member = (flag & VISIBLE) != 0;
-        const Real3 place = place_of(seen, pitch, i);
-        const REAL r = column(radius, n, i) * unit, u = turned_along(a, place), v = turned_along(b, place),
-                   s = turned_along(c, place);
-        const FLOAT depth = rounded_down(-(s + r) - SLACK * (fabs(s) + r) - 0x1p-100);
-        const REAL disc[EXTENTS] = {u - r, u + r, v - r, v + r, TO_REAL(depth), r - s + 0x1p-10};
-        store_discs(disc, member, &extent, edges + i, pitch);
-        STORE_LANES(member ? depth : (FLOAT)INFINITY, near + i);
-        store_flags(flag & VISIBLE, flags + i);
     }
     note_discs(extent, part);
 }

@@ -45,20 +45,20 @@ def test_each_kernel_s_file_is_in_a_program() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"first": None}, "mend: missing or unknown: first"),
-        ({"frist": 0}, "mend: missing or unknown: frist"),
+        ({"index": None}, "mend: missing or unknown: index"),
+        ({"first": 0}, "mend: missing or unknown: first"),
         ({"count": 1.0}, "mend: count: 'float' object cannot be interpreted as an integer"),
         ({"count": 2**31}, "mend: count: "),
-        ({"first": "a buffer"}, "mend: first: must be int, got a buffer"),
+        ({"count": "a buffer"}, "mend: count: must be int, got a buffer"),
         ({"value": 1.0}, "mend: value: must be a buffer, got 1.0"),
-        ({"first": (0, 0)}, "mend: first: "),
+        ({"count": (0, 0)}, "mend: count: "),
     ],
 )
 def test_wrong_arguments_are_errors_at_the_call(device: Device, changes: dict[str, Any], message: str) -> None:
     tools = Toolbox(device, "accurate")
     index, value = tools.upload(np.array([2], np.int32)), tools.upload(np.array([7.0]))
     column = tools.upload(np.zeros(4))
-    arguments = {"count": 1, "first": 0, "index": index, "value": value, "column": column}
+    arguments = {"count": 1, "index": index, "value": value, "column": column}
     changes = {name: index if new == "a buffer" else new for name, new in changes.items()}
     wrong = {name: new for name, new in (arguments | changes).items() if new is not None}
     with pytest.raises(TypeError, match=re.escape(message)):

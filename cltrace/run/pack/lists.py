@@ -5,9 +5,7 @@ Unlike those of cltrace.plan.accel.grids, they may be on several levels: a surfa
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, NamedTuple
 from weakref import finalize
 
@@ -17,7 +15,7 @@ from numpy.typing import NDArray
 from cltrace.plan.abi import CONSTANTS, Precision, dtype_of
 from cltrace.plan.accel.grids import ONE_CELL_LEVEL, SPARE, CellGrid, fill_record, level_of, listed
 from cltrace.run.pack.polygons import EnteredPolygons
-from cltrace.run.pack.toolbox import Arguments, Toolbox
+from cltrace.run.pack.toolbox import PACKET, Arguments, Entered, Toolbox, numbered
 
 # Work-items that go through cells, or note much.
 ITEMS = 2**10
@@ -27,9 +25,8 @@ LEAST = 2**17
 CAMERAS = 3
 # Where spheres take more entries each, beside SPARE ones, each is on the level of its size.
 ENTRIES = 6
-# Starts the kernels that write entries. They are given `levels`, `next`, where the next entry of each cell belongs, and
-# `entry`.
-Scatter = Callable[..., None]
+# In place of a level of kernels/pack/cells.cl.
+BY_SIZE = -1
 
 
 # ----------------------------------------------------------------------------------------------------------- buffers
@@ -197,64 +194,51 @@ class ListWriter:
 
     def add(self, grid: CellGrid, covers: Covers) -> None:
         """Makes the lists of a grid of spheres."""
-        tools, used, entries, lift = self._tools, [0] if covers.members else [], covers.entries, -1
-        if grid.cells == (1, 1):
-            entries = covers.members
-        elif entries > ENTRIES * covers.members + SPARE:
+        tools, used, level = self._tools, [0], 0
+        if grid.cells != (1, 1) and covers.entries > ENTRIES * covers.members + SPARE:
             sizes = tools.noted("tally", 17, np.int64, items=ITEMS, **covers.arguments).sum(axis=0)
-            entries, used, lift = int(sizes[16]), np.flatnonzero(sizes[:16]).tolist(), 0
-        levels, spheres = Levels.of(used, grid.cells), covers.arguments | {"lift": lift}
-        counts = tools.room(levels.cells, np.int32)
-        tools.clear(counts, levels.cells)
-        if entries:
-            tools.run("count_entries", **spheres, levels=levels.on(tools), count=counts)
-        self._list(grid, levels, entries, counts, partial(tools.run, "scatter_entries", **spheres))
+            used, level = np.flatnonzero(sizes[:16]).tolist(), BY_SIZE
+        spheres = Entered("entries", covers.arguments | {"level": level}, numbered(covers.cells, 0))
+        self._list(grid, used, [spheres] if covers.members else [])
 
     def add_members(self, grid: CellGrid) -> None:
         """Makes the lists of a grid: its own members are on one level, and those that are held on one, too."""
-        tools, held, own = self._tools, grid.held, grid.members
-        if held is not None and not isinstance(held, EnteredPolygons):
-            raise TypeError("what is held elsewhere is not on this device")
+        tools, held, own, used = self._tools, grid.held, grid.members, set[int]()
+        assert held is None or isinstance(held, EnteredPolygons)
         held = held if held and held.members else None
-        if grid.cells == (1, 1) or not (len(own.member) or held):
+        n = len(own.member)
+        if grid.cells == (1, 1) or not (n or held):
             _, entry, mask = listed(grid)
             at, first = self._place(1, len(entry))
             tools.copy(tools.upload(np.array([first, first + len(entry)], np.int32)), self.lists.start, 4 * at, 8)
             tools.copy(tools.upload(entry), self.lists.entry, 8 * first, 8 * len(entry))
             self.add_again(grid, Listed(at, mask))
             return
-        level, n = level_of(own.covers), len(own.member)
-        members: Arguments = {"n": n, "pitch": n, "level_of": tools.upload(np.full(n, level, np.int8))}
-        members["covers"] = tools.upload(own.covers)
-        written = {"member": tools.upload(own.member), "near": tools.upload(own.near)}
-        levels = Levels.of(sorted({*([level] if n else []), *([held.level] if held else [])}), grid.cells)
-        counts = tools.room(levels.cells, np.int32)
-        tools.clear(counts, levels.cells)
-        cells = {"levels": levels.on(tools), "count": counts}
+        groups = held.groups if held else []
         if n:
-            tools.run("count_members", **members, **cells)
-        if held:
-            held.count(**cells)
+            near = np.append(own.near, np.full(PACKET, np.inf, np.float32))  # Kernels read whole packets.
+            members = {"n": n, "pitch": n, "level": level_of(own.covers), "covers": tools.upload(own.covers)}
+            members |= {"near": tools.upload(near)}
+            groups = [Entered("entries", members, numbered(tools.upload(own.member))), *groups]
+            used.add(members["level"])
+        self._list(grid, sorted(used | ({held.level} if held else set())), groups)
 
-        def scatter(**entries: Any) -> None:
-            if n:
-                tools.run("scatter_members", **members, **written, **entries)
-            if held:
-                held.scatter(**entries)
-
-        self._list(grid, levels, None, counts, scatter)
-
-    def _list(self, grid: CellGrid, levels: Levels, entries: int | None, counts: Any, scatter: Scatter) -> None:
-        """Makes lists of which it is known how many entries each cell has. entries: of all cells, None: not known."""
+    def _list(self, grid: CellGrid, used: list[int], groups: list[Entered]) -> None:
+        """Makes the lists of a grid on these levels."""
         tools, sums = self._tools, self._tools.room(ITEMS, np.int32)
+        levels = Levels.of(used if groups else [], grid.cells)
+        counts, on = tools.room(levels.cells, np.int32), {"levels": levels.on(tools)}
+        tools.clear(counts, levels.cells)
+        for group in groups:
+            tools.run(f"count_{group.kind}", **group.counted, **on, count=counts)
         tools.run("sum_cells", items=ITEMS, cells=levels.cells, count=counts, sum=sums)
-        if entries is None:
-            entries = int(tools.read(sums, ITEMS, np.int32).sum())
+        entries = int(tools.read(sums, ITEMS, np.int32).sum())
         at, first = self._place(levels.cells, entries)
         lists, entry = {"cells": levels.cells, "at": at, "start": self.lists.start}, self.lists.entry
         tools.run("start_cells", items=ITEMS, **lists, first=first, count=counts, sum=sums)
+        for group in groups:
+            tools.run(f"scatter_{group.kind}", **group.counted, **group.written, **on, next=counts, entry=entry)
         if entries:
-            scatter(levels=levels.on(tools), next=counts, entry=entry)
             tools.run("sort_lists", **lists, entry=entry)
         self.add_again(grid, Listed(at, levels.mask))
 

@@ -19,7 +19,7 @@ from cltrace.plan.abi import CONSTANTS
 from cltrace.plan.accel.grids import SIDE, SIDES, Extent, PictureWindow, Shadows, Side
 from cltrace.plan.accel.silhouettes import DEPTH_SLACK, SLACK, TURNED
 from cltrace.plan.rounding import Array, Mask
-from cltrace.run.pack.toolbox import PACKET, Arguments, Toolbox
+from cltrace.run.pack.toolbox import PACKET, Arguments, Entered, Toolbox, numbered
 
 # So many times as wide and high as the window is the pyramid in which corners are divided by their depth.
 GUARD = 2.0
@@ -33,8 +33,8 @@ ENTRIES, FINER = 1.6, 2**14
 SPARE = 2**18
 # How many entries there are follows from one in so many polygons, unless those are fewer than this.
 SAMPLE, FEW_SAMPLES = 16, 2**12
-# Numbers that kernels/pack/polygons.cl notes of a side, numbers of an outline, and what is no level.
-EXTENTS, OUTLINE, ABSENT = 11, 16, -1
+# Numbers that kernels/pack/polygons.cl notes of a side, and numbers of an outline.
+EXTENTS, OUTLINE = 11, 16
 # `Pane` and `Place` of kernels/pack/polygons.cl.
 PANE = np.dtype(
     [(name, "f4", 2) for name in ("middle", "halves", "loose", "size", "scale", "shift", "over")] + [("along", "f4")]
@@ -243,17 +243,12 @@ class ShownSide:
 
 @dataclass
 class EnteredPolygons:
-    """Polygons that are entered on a level of a grid.
-
-    members: how many; made: what kernels are given of each triangle, of which level_of is ABSENT where it is not
-    entered; outlined: of those that have outlines, how many and which.
-    """
+    """Polygons that are entered on a level of a grid. members: how many."""
 
     sight: PolygonSight
     members: int
     level: int
-    made: Arguments
-    outlined: Arguments
+    groups: list[Entered]
 
     @classmethod
     def of(cls, shown: ShownSide, place: NDArray[np.void]) -> EnteredPolygons:
@@ -261,30 +256,20 @@ class EnteredPolygons:
         tools, m = shown.sight.tools, shown.sight.count
         place["level"] = level = shown.level_on(place)
         pitch = m + PACKET
-        sizes = {"covers": (4, np.int16), "near": (1, np.float32), "level_of": (1, np.int8)}
-        made: Arguments = {name: tools.room(k * pitch, dtype, again=True) for name, (k, dtype) in sizes.items()}
+        covers, near = tools.room(4 * pitch, np.int16, again=True), tools.room(pitch, np.float32, again=True)
         outline, outlines = tools.room(OUTLINE * m, np.float32, again=True), tools.room(1, np.int32)
         tools.clear(outlines, 1)
-        written = {"place": tools.upload(place), "outline": outline, "outlines": outlines, **made}
-        part = tools.noted("place_polygons", 1, np.int64, m=m, pitch=pitch, **shown.seen, **written)
+        written = {"place": tools.upload(place), "outline": outline, "outlines": outlines}
+        cells: Arguments = {"pitch": pitch, "covers": covers, "near": near}
+        part = tools.noted("place_polygons", 1, np.int64, m=m, **cells, **shown.seen, **written)
         count = int(tools.read(outlines, 1, np.int32)[0])
-        outlined: Arguments = {"n": count, "pixels": int(place["pixels"]), "outline": outline}
-        return cls(shown.sight, int(part.sum()), level, made | {"n": m, "pitch": pitch}, outlined)
+        groups = [Entered("entries", cells | {"n": m, "level": level}, numbered(covers, shown.sight.first))]
+        if count:
+            outlined = {"n": count, "pixels": int(place["pixels"]), "outline": outline}
+            groups.append(Entered("outlines", outlined, {"first": shown.sight.first}))
+        return cls(shown.sight, int(part.sum()), level, groups)
 
     def entered(self) -> Mask:
         """(m,): which triangles they are."""
-        return np.asarray(self.sight.tools.read(self.made["level_of"], self.sight.count, np.int8) != ABSENT)
-
-    def count(self, **cells: Any) -> None:
-        """Adds what is entered to the entries of each cell."""
-        members = {name: self.made[name] for name in ("n", "pitch", "level_of", "covers")}
-        self.sight.tools.run("count_members", **members, **cells)
-        if self.outlined["n"]:
-            self.sight.tools.run("count_outlines", **self.outlined, **cells)
-
-    def scatter(self, **entries: Any) -> None:
-        """Writes the entries: see Scatter of lists.py."""
-        first = self.sight.first
-        self.sight.tools.run("scatter_polygons", index=first, **self.made, **entries)
-        if self.outlined["n"]:
-            self.sight.tools.run("scatter_outlines", index=first, **self.outlined, **entries)
+        near = self.sight.tools.read(self.groups[0].counted["near"], self.sight.count, np.float32)
+        return np.asarray(near != np.inf)

@@ -105,10 +105,7 @@ class SpherePacker:
 
 
 class _SeenSpheres:
-    """The spheres of a SpherePacker as one camera sees them.
-
-    seen: four columns of `pitch` doubles, see kernels/pack/spheres.cl; any_along: whether any light is a parallel one.
-    """
+    """The spheres of a SpherePacker as one camera sees them. power: see kernels/pack/spheres.cl."""
 
     def __init__(self, packer: SpherePacker, world: ScenePacking, camera: AnyCamera, keep: bool) -> None:
         self.packer, self.world, self.camera, self.keep = packer, world, camera, keep
@@ -122,9 +119,7 @@ class _SeenSpheres:
         self.made: dict[str, Any] = {}
         self.lamps: KeptLights | None = None
         self.grids: list[CellGrid] = []
-        self.any_along = not are_at_points(kinds(world.lights)).all()
         self.unsure = self.tools.room(1 + self.n, np.int32)  # Of which nearly nothing is used.
-        self.seen = self.tools.room(4 * self.pitch if self.any_along else 1, np.float64)
         self.flags = self.tools.room(self.pitch, np.int8, again=True)
         self.covers = Covers(self.tools, self.n, self.pitch)
 
@@ -160,6 +155,11 @@ class _SeenSpheres:
         return CameraSpace.of(self.camera, self.spheres.center[rows], self.spheres.radius[rows])
 
     @property
+    def _spheres(self) -> Arguments:
+        """What kernels are given of the spheres in the world."""
+        return {"unit": self.unit, "center": self.packer.center, "radius": self.packer.radius}
+
+    @property
     def _axes(self) -> Arguments:
         """The camera's, as kernels are given them."""
         return dict(zip(("right", "up", "back"), self.basis, strict=True))
@@ -167,9 +167,13 @@ class _SeenSpheres:
     @property
     def _eye(self) -> Arguments:
         """What kernels are given that see spheres from the eye."""
-        spheres = {"center": self.packer.center, "radius": self.packer.radius, "near": self.covers.near}
+        return {"eye": self.camera.position} | self._axes | self._spheres
+
+    @property
+    def _packed(self) -> Arguments:
+        """What kernels write that pack what the eye sees."""
         made = {name: self.made.get(name, self.unsure) for name in ("power", "world", "eye_filter")}
-        return {"unit": self.unit, "eye": self.camera.position, "along": self.camera.parallel} | spheres | made
+        return {"along": self.camera.parallel, "near": self.covers.near} | made
 
     def _unsure_rows(self) -> NDArray[np.int32]:
         """The rows that kernels are unsure of."""
@@ -202,7 +206,7 @@ class _SeenSpheres:
         if len(rows):
             space = self._few(rows)
             index, hi, lo = (tools.upload(values) for values in (rows, space.power, space.power_rest))
-            tools.run("mend_eye", count=len(rows), index=index, hi=hi, lo=lo, **self._eye, **self._axes)
+            tools.run("mend_eye", count=len(rows), index=index, hi=hi, lo=lo, **self._eye, **self._packed)
             inside |= not parallel and bool((space.power <= 0).any())
         return inside, int(part[:, 2].sum())
 
@@ -215,14 +219,14 @@ class _SeenSpheres:
         """Makes what the eye sees if k is what it is, and returns NOTES of kernels/pack/eye.cl."""
         tools, covers = self.tools, self.covers
         tools.clear(self.unsure, 1)
-        arguments: Arguments = {"pitch": self.pitch, "shift": SHIFT, "keep_seen": self.any_along}
+        arguments: Arguments = {"pitch": self.pitch, "shift": SHIFT}
         arguments |= {"again": self.packer.again, "some_again": self.packer.some_again}
         for name, axis in zip("xy", self.window.axes, strict=True):
             arguments[f"{name}_axis"] = (axis.scale, axis.begin, axis.end, 0)
             arguments[f"{name}_range"] = (axis.first, axis.stop)
-        written = {"center_radius": self.made["center_radius"], "seen": self.seen, "flags": self.flags}
-        written |= {"covers": covers.cells, "unsure": self.unsure}
-        part = tools.noted("see_from_eye", 5, np.float64, n=self.n, **arguments, **self._eye, **self._axes, **written)
+        written = {"center_radius": self.made["center_radius"], "flags": self.flags}
+        written |= {"covers": covers.cells, "unsure": self.unsure} | self._packed
+        part = tools.noted("see_from_eye", 5, np.float64, n=self.n, **arguments, **self._eye, **written)
         covers.members, covers.entries = (int(total) for total in part[:, 3:5].sum(axis=0))
         return part
 
@@ -231,7 +235,7 @@ class _SeenSpheres:
         tools, lights, lamps = self.tools, self.world.lights, self.packer.lamps
         m, key = len(lights), (self.k, lights.tobytes())
         # In float, axes that are turned are not those of lists any longer.
-        keeps = self.keep and (self.real.itemsize == 8 or not self.any_along)
+        keeps = self.keep and (self.real.itemsize == 8 or bool(are_at_points(kinds(lights)).all()))
         known = lamps if keeps and lamps and lamps.key == key else None
         lists = known.lists if known and known.lists else ListBuffers.of(tools, self.n, m)
         writer = ListWriter(tools, self.packer.request.precision, lists)
@@ -250,19 +254,11 @@ class _SeenSpheres:
             return known.light_buffer + np.array([1, 0, 0, 0], np.int32), writer
         self.made["light_filter"] = tools.room(4 * (m * self.n + PACKET), np.float32, again=True)
         self.made["light_side"] = tools.room(m * self.n + PACKET, np.int8, again=True)
-        if not self.any_along:
-            self.seen = tools.room(4 * self.pitch, np.float64)
         light_buffer, idle = np.zeros((m, 4), np.int32), 0
-        # Parallel lights come first, as `seen` is what the eye sees until then.
         for number, light in enumerate(self.lights):
             first = len(writer.records)
             idle += self.n - light.look(self, number, writer)
             light_buffer[number] = first, len(writer.records) - first, -1, 0
-            if number == m - 1:
-                tools.finish()
-                del self.covers, self.flags  # What is packed has room in their place.
-            if light.at_point:
-                self._pack_light(number)
         skipped[what] = idle
         if keeps:
             buffers, of = {"light_side": self.made["light_side"]}, light_buffer - np.array([1, 0, 0, 0], np.int32)
@@ -271,43 +267,23 @@ class _SeenSpheres:
 
     def _see_again(self, lamps: KeptLights, writer: ListWriter) -> None:
         """Adds what lights see, of which a camera changes directions alone."""
-        del self.covers, self.flags
-        tools, n, move = self.tools, self.n, Move.of(lamps.camera, self.camera, self.unit)
-        before = lamps.buffers["light_filter"]
+        tools, m, n, move = self.tools, len(self.lights), self.n, Move.of(lamps.camera, self.camera, self.unit)
         for grid, listed in zip(lamps.grids, lamps.listed, strict=True):
             turned = replace(grid, axes=rotated(self.basis, grid.axes)) if grid.perspective else move.grid(grid)
             writer.add_again(turned, listed)
         self.light = move.lights(self.light, lamps.light)
         self.made |= lamps.buffers
-        if not any(light.at_point for light in self.lights):
-            return
-        self.made["light_filter"] = filters = tools.room(4 * (len(self.lights) * n + PACKET), np.float32, again=True)
+        if any(light.at_point for light in self.lights):
+            self.made["light_filter"] = filters = tools.room(4 * (m * n + PACKET), np.float32, again=True)
+            tools.copy(lamps.buffers["light_filter"], filters, 0, 16 * m * n)
         for number, light in enumerate(self.lights):
             if isinstance(light, AtPoint):
-                spheres = {"n": n, "center": self.packer.center, "before": before} | self._lamp(light.place)
-                tools.run("turn_light", **spheres, **self._axes, **self._rows_of(number, "light_filter"))
-            else:
-                tools.copy(before, filters, 16 * number * n, 16 * n, first=16 * number * n)
+                tools.run("turn_light", **self._from(light), **self._axes, **self._rows_of(number, "light_filter"))
 
-    def _see_from_light(self, place: Array) -> None:
-        """Makes `seen` what a light at a point of the world sees."""
-        tools, spheres = self.tools, {"center": self.packer.center, "radius": self.packer.radius}
-        tools.clear(self.unsure, 1)
-        tools.run("see_from_light", **self._seen, **self._lamp(place), **spheres, unsure=self.unsure)
-        rows = self._unsure_rows()
-        if len(rows):
-            seen, _ = self._few(rows).times_two_to(self.k).seen_from(place * self.unit)
-            mended = {"index": tools.upload(rows), "value": tools.upload(seen.power), "column": self.seen}
-            tools.run("mend", count=len(rows), first=3 * self.pitch, **mended)
-
-    def _lamp(self, place: Array) -> Arguments:
-        """What kernels are given of where in the world a light is."""
-        return {"unit": self.unit, "lamp": place * self.unit}
-
-    @property
-    def _seen(self) -> Arguments:
-        """What kernels are given of `seen`."""
-        return {"n": self.n, "pitch": self.pitch, "seen": self.seen}
+    def _from(self, light: AtPoint) -> Arguments:
+        """What kernels are given that see spheres from a light at a point."""
+        lamp = light.place * self.unit
+        return {"n": self.n, "unit": self.unit, "lamp": lamp, "center": self.packer.center}
 
     def _rows_of(self, number: int, *names: str) -> Arguments:
         """What kernels are given that write a light's rows of these buffers."""
@@ -315,10 +291,8 @@ class _SeenSpheres:
 
     def along(self, light: Parallel, number: int, writer: ListWriter) -> int:
         """Packs spheres as a parallel light sees them, and adds its grid. Returns how many spheres are in it."""
-        axes = light.axes
-        spheres = self._seen | {"unit": self.unit, "radius": self.packer.radius, "a": axes[0], "b": axes[1]}
-        self.tools.run("pack_along", **spheres, **self._rows_of(number, "light_filter", "light_side"))
-        discs = _Discs.of(self, "discs_along", spheres | {"c": axes[2], "flags": self.flags})
+        axes, rows = light.axes, self._rows_of(number, "light_filter", "light_side")
+        discs = _Discs.of(self, "see_along", self._eye | rows | dict(zip("abc", axes, strict=True)))
         window = window_of([discs.extent], self.slack, False)
         return self._add(axes, discs, window, self.slack, False, writer) if window else 0
 
@@ -327,29 +301,34 @@ class _SeenSpheres:
 
         Returns how many spheres are in any of them.
         """
-        self._see_from_light(light.place)
+        tools, seen, radius = self.tools, self._from(light), {"radius": self.packer.radius}
+        power = tools.room(self.pitch, np.float64)
+        tools.clear(self.unsure, 1)
+        tools.run("see_from_light", **seen, **radius, power=power, unsure=self.unsure)
+        rows = self._unsure_rows()
+        if len(rows):
+            exact, _ = self._few(rows).times_two_to(self.k).seen_from(light.place * self.unit)
+            index, value = tools.upload(rows), tools.upload(exact.power)
+            tools.run("mend", count=len(rows), index=index, value=value, column=power)
+        filters = self._rows_of(number, "light_filter", "light_side")
         some = self._few(self.some).times_two_to(self.k).seen_from(light.place * self.unit)[0].center
         cube = cube_of([some])
-        spheres = self._seen | {"unit": self.unit, "radius": self.packer.radius, "flags": self.flags}
-        spheres |= dict(zip("abc", cube, strict=True))
-        sides = self.tools.noted("cube_sides", 1, np.int32, **spheres)
+        spheres = seen | radius | dict(zip("abc", cube, strict=True))
+        sides = tools.noted("cube_sides", 1, np.int32, **spheres, flags=self.flags)
         seen_on = int(np.bitwise_or.reduce(sides, axis=None))
         entered = 0
         for side, (axis, sign) in enumerate(SIDES):
             if not seen_on >> side & 1:
                 continue
-            discs = _Discs.of(self, "cube_discs", spheres | {"side": side})
+            discs = _Discs.of(self, "cube_discs", spheres | {"power": power, "side": side})
             window, slack = window_of([discs.extent], SLACK, True), SLACK
             if window and not window.coarse and self.slack < SLACK:
                 window, slack = window_of([discs.extent], self.slack, True), self.slack
                 window = window and window._replace(coarse=False)
             if window:
                 entered += self._add(side_axes(cube, axis, sign), discs, window, slack, True, writer)
+        tools.run("pack_light", **seen, **self._axes, **filters, power=power)
         return entered
-
-    def _pack_light(self, light: int) -> None:
-        """Packs what `seen` is."""
-        self.tools.run("pack_light", **self._seen, **self._axes, **self._rows_of(light, "light_filter", "light_side"))
 
     def _add(
         self, axes: Array, discs: _Discs, window: Rectangle, slack: float, perspective: bool, writer: ListWriter
@@ -378,10 +357,10 @@ class _Discs:
 
     @classmethod
     def of(cls, spheres: _SeenSpheres, kernel: str, arguments: Arguments) -> _Discs:
-        """arguments: of the kernel, but for what it writes. The depths go to those of spheres.covers."""
+        """arguments: of the kernel, besides those of all spheres. The depths go to those of spheres.covers."""
         edges = spheres.tools.room(4 * spheres.pitch, np.float64)
-        written = {"edges": edges, "near": spheres.covers.near}
-        part = spheres.tools.noted(kernel, 7, np.float64, **arguments, **written)
+        written = {"pitch": spheres.pitch, "edges": edges, "near": spheres.covers.near, "flags": spheres.flags}
+        part = spheres.tools.noted(kernel, 7, np.float64, **arguments | {"n": spheres.n}, **written)
         left, right, low, high, nearest, furthest, _ = part.max(axis=0).tolist()
         extent = Extent(2 * [[-left, right, -low, high]], -nearest, furthest)
         return cls(spheres, edges, int(part[:, 6].sum()), extent)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 from weakref import finalize
@@ -35,6 +36,24 @@ WIDEST = 8
 ITEMS, GROUP = {"cpu": 2**10, "gpu": 2**15}, {"cpu": 4, "gpu": 64}
 # What float and double must be able to do for the host's bits.
 EXACT = cl.device_fp_config.ROUND_TO_NEAREST | cl.device_fp_config.INF_NAN | cl.device_fp_config.DENORM
+
+
+@dataclass(frozen=True)
+class Entered:
+    """Surfaces to be entered in the lists of a grid.
+
+    kind: "entries" or "outlines"; counted: arguments of the kernels `count_` and `scatter_` of it; written: those
+    that the latter has besides.
+    """
+
+    kind: str
+    counted: Arguments
+    written: Arguments
+
+
+def numbered(member: Any, first: int | None = None) -> Arguments:
+    """Which surfaces are entered: those of a buffer of indices, or, with any buffer, those from the first one on."""
+    return {"first": first or 0, "named": first is None, "member": member}
 
 
 def is_exact(device: Device) -> bool:
