@@ -15,13 +15,9 @@ from collections.abc import Iterable
 MAX_SIDE, MAX_PIXELS = 65_536, 2**30
 MAX_BOUNCES = 100
 MAX_RAYS = 2**20  # of a pixel, which takes more than a second then
-# Of drawing a picture of SAMPLES_A_PICTURE samples or fewer, and of more in proportion. A small file can ask for hours.
-MAX_SECONDS = 10
-SAMPLES_A_PICTURE = 640 * 360 * 32
-# The share of these seconds that may go to lists of surfaces for the second light and later ones, where a scene is read
-# from files of PAIRS_BYTES or less; of larger files in proportion. A light among large triangles takes ten times as
-# long as one far away, so that no number of surfaces tells which scene is slow.
-LISTS_SHARE = 0.5
+# Of drawing a picture, and of the lists for its second light and later ones. A small file can ask for hours, but only
+# those who draw scenes from strangers know how long is too long.
+MAX_SECONDS = 10**8
 
 # A light has tables of its own for all spheres, and is asked for at each point: more would be no scene but a trap. Each
 # member of a soft light counts.
@@ -73,7 +69,7 @@ NAMES = {
     "bounces": ("MAX_BOUNCES", MAX_BOUNCES),
     "rays": ("MAX_RAYS", 2**30),
     "pairs": ("MAX_PAIRS", 2**40),
-    "seconds": ("MAX_SECONDS", 10**8),
+    "seconds": ("MAX_SECONDS", MAX_SECONDS),
     "side": ("MAX_SIDE", MAX_SIDE),
     "pixels": ("MAX_PIXELS", MAX_PIXELS),
     "parts": ("MAX_PARTS", 2**26),

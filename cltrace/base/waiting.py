@@ -150,40 +150,6 @@ def interruptible(
         listener.waits.discard(wait)
 
 
-class Stopwatch:
-    """Seconds of work since begin(), which is when it is made, too, without what it is told to leave out.
-
-    own: whether the work is this process's, and not a device's. Then seconds in which other programs have all of the
-    processors do not count.
-    """
-
-    def __init__(self, own: bool) -> None:
-        self._clocks = (time.monotonic, time.process_time) if own else (time.monotonic,)
-        self.begin()
-
-    def begin(self) -> None:
-        self._since = [clock() for clock in self._clocks]
-
-    def seconds(self) -> float:
-        return min(clock() - since for clock, since in zip(self._clocks, self._since, strict=True))
-
-    def halt(self) -> None:
-        """Leaves out what is done before go_on()."""
-        self._halted = [clock() for clock in self._clocks]
-
-    def go_on(self) -> None:
-        self._since = [s + clock() - h for s, clock, h in zip(self._since, self._clocks, self._halted, strict=True)]
-
-    @contextmanager
-    def stopped(self) -> Iterator[None]:
-        """Leaves out what is done while it lasts."""
-        self.halt()
-        try:
-            yield
-        finally:
-            self.go_on()
-
-
 class Announcement:
     """Logs `text`, as information or at another level, if the `with` block takes longer than `after` seconds."""
 

@@ -105,7 +105,6 @@ class _SceneReader(Checks):
             textures=tuple(files.textures.found),
             transforms=self._transforms,
             files=files.named(),
-            size=files.size,
         )
         scene = Scene(
             view,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from cltrace.base.errors import TooSlowError
-from cltrace.base.waiting import Stopwatch
+from cltrace.base.limits import MAX_SECONDS
 from cltrace.plan.accel.grids import CellGrid, PictureWindow, Shadows, picture_tiles, whole_grid
 from cltrace.plan.accel.silhouettes import FINE_SLACK, SLACK, Discs, Silhouettes
 from cltrace.plan.lights import Lamp
@@ -23,8 +25,8 @@ ONE_LIST = 16
 class Grids:
     """The grids of a view, each of which is made when it is asked for, and not kept.
 
-    Raises TooSlowError where those of the second light and later ones take longer than the world's patience. Those of
-    the first light do not count, as what makes lists is compiled then.
+    Raises TooSlowError where those of the second light and later ones take longer than MAX_SECONDS. Those of the first
+    light do not count, as what makes lists is compiled then.
 
     light_buffer: (m, 4), abi's; skipped: what of the world is in no grid, in words, and how often. Both are whole when
     all grids have been taken.
@@ -76,13 +78,13 @@ class Grids:
     def _of_lights(self) -> Iterator[CellGrid]:
         """The grids of the lights in turn."""
         total, made, idle = self._total, 1, 0
-        watch = Stopwatch(own=True)
+        deadline = math.inf
         for k, light in enumerate(self._lights):
             if k == 1:
-                watch.begin()
-            elif k and watch.seconds() > self._world.patience:
+                deadline = time.monotonic() + MAX_SECONDS
+            elif time.monotonic() > deadline:
                 lower = f"the number of lights, which is {len(self._lights)}, or of surfaces, which is {total}"
-                raise TooSlowError(self._world.patience, lower, "making lists of what stops light")
+                raise TooSlowError(MAX_SECONDS, lower, "making lists of what stops light")
             seen = [sight.lights[k] for sight in self._sights]
             among = self._among(seen)
             who = Shadows(among, self._receiver, self._slack)

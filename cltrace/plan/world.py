@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.base.arrays import joined
-from cltrace.base.limits import LISTS_SHARE, MAX_SECONDS, PAIRS_BYTES
 from cltrace.plan.accel.tree import Paths
 from cltrace.plan.clipping import Clipping
 from cltrace.plan.lights import useful_lights
@@ -43,7 +41,7 @@ class ScenePacking:
     surfaces have; lights: (m,) of the scene's lamps, those that can add to a colour, in the order of LIGHT_KINDS; soft:
     whether any light is soft, and so stands for many; bounces: what surfaces do with rays; clipping: the planes that
     clip them; paths: what rays need that leave surfaces, None where no ray does; background: linear (r, g, b); peak:
-    (3,), brightest() where a ray may become two, else 0; patience: seconds that lists may take, see Grids; skipped:
+    (3,), brightest() where a ray may become two, else 0; skipped:
     what the scene does not need, in words, and how often; seconds: what took how long: "tree".
     """
 
@@ -59,7 +57,6 @@ class ScenePacking:
     paths: Paths | None
     background: Vector
     peak: Array
-    patience: float
     skipped: dict[str, int]
     seconds: dict[str, float]
 
@@ -122,7 +119,6 @@ class ScenePacking:
             paths=paths,
             background=scene.background,
             peak=peak,
-            patience=patience_for(scene),
             skipped=skipped | ({"lights that add nothing": useless} if useless else {}),
             seconds=seconds,
         )
@@ -169,13 +165,6 @@ def _materials(
     if scene.columns.materials_count > len(of) // 2 and not scene.meshes and not len(scene.planes):
         return Materials.of(scene, request, of), np.arange(len(of), dtype=np.int32)
     return Materials.of(scene, request, None), of
-
-
-def patience_for(scene: Scene) -> float:
-    """Seconds that lists of a scene's lights may take: any number where it is not read from files."""
-    if scene.source is None:
-        return math.inf
-    return MAX_SECONDS * LISTS_SHARE * max(1.0, scene.source.size / PAIRS_BYTES)
 
 
 @contextmanager

@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 from cltrace.base.errors import DeviceError, OutOfMemoryError
 from cltrace.base.limits import MAX_PIXELS, MAX_SIDE
 from cltrace.base.progress import bar
-from cltrace.base.waiting import Stopwatch
 from cltrace.picture.composition import Composition
 from cltrace.picture.effects import Effects, Shares
 from cltrace.picture.image import Image, Output
@@ -26,7 +25,7 @@ from cltrace.plan.request import WIDTHS, Crop, Keep, Region, Request, is_whole
 from cltrace.plan.view import CameraView
 from cltrace.plan.world import Before, ScenePacking
 from cltrace.run.devices import Device, check_process, choose, driver_errors
-from cltrace.run.executor import Executor, FrameBuffers, Made, bytes_a_pixel
+from cltrace.run.executor import Executor, FrameBuffers, Made, bytes_a_pixel, deadline
 from cltrace.run.pack.packers import Packer, packer_of
 from cltrace.run.trial import check_driver
 from cltrace.scene import AnyCamera, Scene, share_all_but_camera, with_spheres
@@ -234,7 +233,7 @@ class Renderer:
     Raises TypeError if scene is not a Scene or device is of another type, ValueError for any other argument that is not
     allowed, DeviceError if there is no such device, if it lacks double precision that is asked for, if its driver fails
     or has not enough memory, or in a forked process, BuildError if the kernel does not build, and TooSlowError if lists
-    of a small file's lights take longer than half of the limit of seconds.
+    of lights take longer than a limit of seconds that was set.
     """
 
     def __init__(
@@ -314,11 +313,10 @@ class Renderer:
         start, now = time.perf_counter(), self._now
         return _DerivedRenderer(now.derived(now.scene, replace(now.request, crop=crop), start))
 
-    def rows(self, first: int, end: int, watch: Stopwatch | None = None) -> Renderer:
+    def rows(self, first: int, end: int) -> Renderer:
         """Rows of the picture that this one draws, before `end`, as another Renderer that makes nothing anew.
 
-        Unlike cropped(), which makes lists for less, it costs nothing. watch: where all rows of the picture together
-        have one limit of seconds. Raises ValueError for rows that are not there.
+        Unlike cropped(), which makes lists for less, it costs nothing. Raises ValueError for rows that are not there.
         """
         x, y, width, height = self.region
         if not y <= first < end <= y + height:
@@ -326,7 +324,7 @@ class Renderer:
         now, part = self._now, (x, first, width, end - first)
         # Its view stays the one of this request, by which derived() knows that it is of more than these rows.
         request = replace(now.request, crop=(x, first, x + width, end))
-        return _DerivedRenderer(replace(now, request=request, executor=now.executor.part(part, watch)))
+        return _DerivedRenderer(replace(now, request=request, executor=now.executor.part(part)))
 
     def update(
         self,
@@ -447,15 +445,18 @@ class Renderer:
         out: an Image of an earlier render() of this Renderer, whose arrays are then written over, None for new ones;
         progress: whether tqdm shows it after a second, None for a terminal and notebooks, if tqdm is installed. Raises
         MissingPackageError if it is wanted and tqdm is missing, ValueError if `out` is no such image, TooManyRaysError
-        if mirrors and glass make more than 2^20 rays of a pixel, TooSlowError if it takes longer than the limit of
-        seconds, and DeviceError if the driver fails or in a forked process. What `out` holds after an error is
-        undefined.
+        if mirrors and glass make more than 2^20 rays of a pixel, TooSlowError if it takes longer than a limit of
+        seconds that was set, and DeviceError if the driver fails or in a forked process. After an error, what `out`
+        holds is undefined.
         """
         with bar(self.region[3], "row", progress) as shown:
             return self.draw(shown.update, out)
 
-    def draw(self, drawn: Callable[[int], object], out: Image | None = None) -> Image:
-        """As render(), but calls drawn(n) after every n rows, and drawn(0) after stop(); what that raises ends it."""
+    def draw(self, drawn: Callable[[int], object], out: Image | None = None, until: float | None = None) -> Image:
+        """As render(), but calls drawn(n) after every n rows, and drawn(0) after stop(); what that raises ends it.
+
+        until: when it is given up, see Executor.draw().
+        """
         check_process()
         with self._lock, driver_errors(self.device):
             executor = self._executor
@@ -465,7 +466,7 @@ class Renderer:
                 raise ValueError("out: must be an image that this Renderer has rendered")
             frame = executor.frame() if out is None else out.frame
             start = time.perf_counter()
-            executor.draw(frame, drawn)
+            executor.draw(frame, drawn, until)
             done = time.perf_counter()
             arrays = executor.read(frame)
             end = time.perf_counter()
@@ -525,19 +526,18 @@ def strips(renderer: Renderer, progress: bool | None = None) -> Iterator[tuple[i
     """The picture of a renderer, as Images of some rows, each after their number: a multiple of STEP but for the last.
 
     A small picture is one Image. Where the memory of the device or of this process is too small, strips become smaller.
-    They have one limit of seconds, to which drawing alone counts. progress: as of Renderer.render(), which says what is
-    raised, too.
+    They have one limit of seconds, which begins with the first one. progress: as of Renderer.render(), which says what
+    is raised, too.
     """
     _, first, width, height = renderer.region
     end, rows = first + height, max(STEP, STRIP_BYTES // (width * renderer.bytes_a_pixel) // STEP * STEP)
-    watch = Stopwatch(own=renderer.device.kind == "cpu")
-    watch.halt()
+    until = deadline()
     with bar(height, "row", progress) as shown:
         while first < end:
             last = min(first + rows, end)
-            part = renderer if last - first == height else renderer.rows(first, last, watch)
+            part = renderer if last - first == height else renderer.rows(first, last)
             try:
-                image = part.draw(shown.update)
+                image = part.draw(shown.update, until=until)
             except (OutOfMemoryError, MemoryError):
                 if last - first <= STEP:
                     raise

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -15,8 +16,8 @@ from numpy.typing import NDArray
 
 from cltrace.base.arrays import LARGE, begins_on_page, empty
 from cltrace.base.errors import TooManyRaysError, TooSlowError
-from cltrace.base.limits import MAX_SECONDS, SAMPLES_A_PICTURE
-from cltrace.base.waiting import Announcement, Stopwatch, interruptible
+from cltrace.base.limits import MAX_SECONDS
+from cltrace.base.waiting import Announcement, interruptible
 from cltrace.plan.abi import CONSTANTS, COUNTERS, OUTPUTS, Argument, Precision, arguments_of, dtype_of
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import WIDTHS, Region
@@ -61,6 +62,11 @@ def margin_of(region: Region) -> tuple[int, int]:
 def bytes_a_pixel(outputs: Iterable[str], precision: Precision) -> int:
     """How many bytes a pixel of these outputs has in a frame."""
     return sum(OUTPUTS[n].channels * dtype_of(OUTPUTS[n].type, precision).itemsize for n in outputs)
+
+
+def deadline() -> float:
+    """When drawing is given up that begins now, by time.monotonic()."""
+    return time.monotonic() + MAX_SECONDS
 
 
 class Last:
@@ -140,20 +146,14 @@ class Undecided:
         cl.enqueue_copy(self.queue, self._first, self.marks)
         return bool(self._first[0])
 
-    def drawer(self) -> Kernel:
-        """What draws them."""
+    def drawer(self, launch_first: Callable[[Kernel], None]) -> Kernel:
+        """What draws them. launch_first: has the driver compile a kernel."""
         if self._drawer is None:
+            self.compiles = True
             self._drawer = program(self._device, self._options).kernel(self._dtypes)
-        return self._drawer
-
-    @contextmanager
-    def compiling(self) -> Iterator[None]:
-        """While it lasts, that program may be being compiled."""
-        self.compiles = True
-        try:
-            yield
-        finally:
+            launch_first(self._drawer)
             self.compiles = False
+        return self._drawer
 
 
 @dataclass(eq=False)
@@ -231,11 +231,11 @@ class Executor:
     """A plan on a device, built and uploaded: draw() renders a frame() and read() brings back its arrays.
 
     plan: its arrays are not to change; width: pixels in a packet, one of WIDTHS; region: x, y, width, height of what is
-    rendered, in pixels; built: the kernel; buffers, values: its arguments that no launch changes; last, watch: to stop
-    it, and to know how long drawing takes; limited: the region that one limit of seconds is for; further: what makes
-    each of the passes that follow this one, with the same features and outputs, see plan/plan.py; started: whether
-    this is one of those; unstoppable: what is known of triangles, None where nothing is asked; room: owns the frames
-    that it draws into; seconds: what "build" and "upload" took. For one thread at a time.
+    rendered, in pixels; built: the kernel; buffers, values: its arguments that no launch changes; last: to stop it;
+    until: when drawing is given up, by time.monotonic(); further: what makes each pass that follows this one,
+    with the same features and outputs, see plan/plan.py; started: whether this is one of those; unstoppable: what is
+    known of triangles, None where nothing is asked; room: owns the frames that it draws into; seconds: what "build" and
+    "upload" took. For one thread at a time.
     """
 
     plan: Plan
@@ -247,8 +247,7 @@ class Executor:
     buffers: dict[str, Any]
     values: dict[str, Any]
     last: Last
-    watch: Stopwatch
-    limited: Region
+    until: float = math.inf
     further: Sequence[Callable[[], Made]] = ()
     started: bool = False
     unstoppable: Unstoppable | None = None
@@ -287,10 +286,9 @@ class Executor:
             if "WITH_UNSTOPPABLE" in plan.features:
                 unstoppable = Unstoppable(plan, device, same.unstoppable if same else None)
             queue.finish()
-        watch, region = Stopwatch(own=device.kind == "cpu"), plan.region
         executor = cls(
-            plan, device, width, region, queue, built, buffers, built.values(plan), last, watch, limited=region,
-            further=further, unstoppable=unstoppable, seconds=seconds,
+            plan, device, width, plan.region, queue, built, buffers, built.values(plan), last, further=further,
+            unstoppable=unstoppable, seconds=seconds,
         )  # fmt: skip
         with _timed(seconds, "build"), driver_errors(device), Announcement("compiling the kernel ..."):
             executor._launch_first(built.kernel)
@@ -300,14 +298,9 @@ class Executor:
         """The same, but drawing into the frames of an executor with the same width, request and region, as it did."""
         return replace(self, room=before.room, pace=before.pace)
 
-    def part(self, region: Region, watch: Stopwatch | None = None) -> Executor:
-        """What draws a part of the same region, with the same buffers. Not while another thread draws with this one.
-
-        watch: of all parts of a picture, which together may take the seconds that this region may; halted.
-        """
-        limit = (watch, self.limited) if watch else (self.watch, region)
-        pace = Pace(self.pace.rows)
-        return replace(self, region=region, watch=limit[0], limited=limit[1], room=object(), pace=pace)
+    def part(self, region: Region) -> Executor:
+        """What draws a part of the same region, with the same buffers. Not while another thread draws with this one."""
+        return replace(self, region=region, room=object(), pace=Pace(self.pace.rows))
 
     @property
     def packet(self) -> Packet:
@@ -341,36 +334,31 @@ class Executor:
             buffers["so_far"] = cl.Buffer(self.queue.context, cl.mem_flags.READ_WRITE, size)
         return FrameBuffers(self.room, width=width, height=height, arrays=arrays, buffers=buffers)
 
-    def draw(self, frame: FrameBuffers, drawn: Callable[[int], object] = lambda rows: None) -> None:
+    def draw(
+        self, frame: FrameBuffers, drawn: Callable[[int], object] = lambda rows: None, until: float | None = None
+    ) -> None:
         """Renders the region, in strips, and in each pass the same ones.
 
         A strip that takes too long makes the next one smaller, and one that takes little time makes it larger. The next
         frame begins with the size that was found. drawn: called with how many rows a strip had, in the last pass, and
         with 0 in others and where it was stopped; what that raises ends it. Raises TooManyRaysError after the strip in
-        which that happened, and TooSlowError soon after the limit of seconds.
+        which that happened, and TooSlowError after `until`, which None has be the deadline of now.
         """
-        if self.limited == self.region:
-            self.watch.begin()
-        else:
-            self.watch.go_on()
+        self.until = deadline() if until is None else until
         strips: Iterable[range] = self._strips(frame)
-        try:
-            for number, part in enumerate(self._passes()):
-                told = drawn if number == len(self.further) else lambda rows: drawn(0)
-                strips = part._draw(frame, strips, told)
-                del part  # The next one has room in its place.
-                if not strips:
-                    return
-        finally:
-            self.watch.halt()
+        for number, part in enumerate(self._passes()):
+            told = drawn if number == len(self.further) else lambda rows: drawn(0)
+            strips = part._draw(frame, strips, told)
+            del part  # The next one has room in its place.
+            if not strips:
+                return
 
     def _passes(self) -> Iterator[Executor]:
         """This one, and those that follow it, each of which is made when it is asked for, and not kept."""
         yield self
         for make in self.further:
-            with self.watch.stopped():
-                made = make()
-                buffers = self.buffers | _uploaded(made, self.device, self.queue, self)
+            made = make()
+            buffers = self.buffers | _uploaded(made, self.device, self.queue, self)
             yield replace(
                 self,
                 plan=made[0],
@@ -441,6 +429,7 @@ class Executor:
         """
         x, y, width, height = self.region
         total, rows = np.zeros(len(COUNTERS), np.int64), max(1, STRIP // width)
+        until = deadline()
         for part in self._passes():
             plan = part.plan.counting()
             built = BuiltKernel.of(plan, self.device, self.width, self.queue)
@@ -449,7 +438,7 @@ class Executor:
             for row in range(0, height, rows):
                 strip = counter.part((x, y + row, width, min(rows, height - row)))
                 frame = strip.frame()
-                strip.draw(frame)
+                strip.draw(frame, until=until)
                 total += strip.read(frame)["work"].sum(axis=(0, 1), dtype=np.int64)
             del part, counter, strip
         return dict(zip(COUNTERS.values(), total.tolist(), strict=True))
@@ -476,9 +465,7 @@ class Executor:
         """Starts the kernel for `rows` rows of a region from `row` on, and what draws the pixels that it leaves."""
         self._launch(self.built.kernel, frame, region, row=row, rows=rows)
         if self.built.undecided and self.built.undecided.any() and not self.last.stopped:
-            with self.built.undecided.compiling(), self.watch.stopped():
-                kernel = self.built.undecided.drawer()
-                self._launch_first(kernel)
+            kernel = self.built.undecided.drawer(self._launch_first)
             self._launch(kernel, frame, region, row=row, rows=rows)
         if self.device.kind == "cpu":
             self._map(frame)
@@ -512,16 +499,8 @@ class Executor:
         lights = ", or have fewer lights" if self.further else ""
         return lower + lights
 
-    @property
-    def _most_seconds(self) -> float:
-        """How long drawing may take, with other parts where they have one limit."""
-        samples = self.limited[2] * self.limited[3] * (self.plan.request.samples or 1)
-        return MAX_SECONDS * max(1.0, samples / SAMPLES_A_PICTURE)
-
     def _is_late(self) -> bool:
-        """Whether drawing has taken so long, without compilers, which take the time that they take."""
-        compiles = self.built.undecided is not None and self.built.undecided.compiles
-        return not compiles and self.watch.seconds() >= self._most_seconds
+        return time.monotonic() >= self.until
 
     def _seconds_of(self, launch: Callable[[], Any], drawn: Callable[[int], object]) -> float:
         """Launches the kernel, again if it is stopped and drawn(0) raises nothing, and says how long it took."""
@@ -530,7 +509,7 @@ class Executor:
                 self.last.reset(self.queue)
                 drawn(0)
             if self._is_late():
-                raise TooSlowError(self._most_seconds, self._lower())
+                raise TooSlowError(MAX_SECONDS, self._lower())
             start = time.perf_counter()
             try:
                 launch()

@@ -72,8 +72,7 @@ class Source:
     int32, of each light; surfaces: (m,) int32, of each surface, by its number; meshes: the files of the meshes, by the
     numbers of these surfaces; textures: the files of the textures, in their order; transforms: (k, 3, 4), the affine
     maps of the k steps of a surface's transform, in the order of the file, by the surface's number: of the first
-    surfaces that have one; files: what the scene is made of: its own file, and those of its meshes and textures; size:
-    bytes of its own file and those of its meshes.
+    surfaces that have one; files: what the scene is made of: its own file, and those of its meshes and textures.
     """
 
     path: str
@@ -85,7 +84,6 @@ class Source:
     textures: tuple[str, ...] = ()
     transforms: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
     files: tuple[Path, ...] = ()
-    size: int = 0
 
     @property
     def knows_all_lines(self) -> bool:

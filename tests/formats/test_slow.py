@@ -21,12 +21,12 @@ import pytest
 from fuzzing import FACTOR
 
 import cltrace
-from cltrace.base.waiting import Stopwatch
+from cltrace.plan import lists
 from cltrace.renderers import renderer
 from cltrace.run import executor
 
 # What a file may take of a processor before it is drawn, and in memory, and the limit of seconds here.
-PREPARING, MEGABYTES, DRAWING = 10.0, 2000, 1
+PREPARING, MEGABYTES, DRAWING, LISTING = 10.0, 2000, 1, 5
 # How a message ends that names a limit.
 ALLOWS = r"=N or CLTRACE_LIMITS allows more$"
 BYTES = 10**6  # of a scene's file, and of its mesh's
@@ -156,17 +156,17 @@ def drawn(case: Case, path: Path) -> tuple[float, str]:
     """How long it then takes, but for compiling and what other programs take, and why it is refused, if it is."""
     gc.collect()
     made, refused = cltrace.Renderer(cltrace.load(path), antialias=bool(case["antialias"])), ""
-    watch = Stopwatch(own=True)
+    start = time.process_time()
     try:
         made.render()
     except (cltrace.TooSlowError, cltrace.TooManyRaysError) as error:
         refused = str(error)
-    return watch.seconds(), refused
+    return time.process_time() - start, refused
 
 
 def search(path: Path) -> None:
     """Try scenes, each the one that took longest so far but for three values, with the limit of seconds of here."""
-    executor.MAX_SECONDS = DRAWING
+    executor.MAX_SECONDS, lists.MAX_SECONDS = DRAWING, LISTING
     rng, longest = random.Random(FACTOR), 0.0
     worst: Case = {name: values[len(values) // 2] for name, values in TRIED.items()}
     for _ in range(20 * FACTOR):
