@@ -17,13 +17,11 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cltrace.base.arrays import processors
 from cltrace.base.progress import bar
-from cltrace.movie.fingerprint import Fingerprints, shows
 from cltrace.movie.frames import MOVIES, MovieFrame, frames_of, pattern_of
-from cltrace.movie.writers import find_ffmpeg, movie_writer, write_frame
+from cltrace.movie.writers import CODECS, Fingerprints, Pixels, find_ffmpeg, movie_writer, shows, write_frame
 from cltrace.picture.files import Inputs
 from cltrace.picture.image import Image
 from cltrace.renderers.renderer import Renderer, default_precision
@@ -31,7 +29,6 @@ from cltrace.run.devices import Device, choose
 from cltrace.scene import AnyCamera, Scene
 
 FPS = 25.0
-Pixels = NDArray[np.uint8]
 # What is called with the number of a frame and its Image, see draw_on().
 Each = Callable[[int, Image], Any]
 Task = TypeVar("Task")
@@ -136,7 +133,8 @@ class FrameFiles:
     name_of: the file of a frame, by its number; suffix: ".png", or the one of a movie; inputs: files that no frame may
     replace, in addition to those of the scenes. fps, skip_existing, each: see animate(). kept: how many files were
     there already; written: the names of the PNGs that were not, and are now. Raises ValueError for what makes no sense,
-    and MissingPackageError for an MP4 without ffmpeg.
+    and MissingPackageError for an MP4 or APNG without
+    ffmpeg.
     """
 
     def __init__(
@@ -154,7 +152,7 @@ class FrameFiles:
             raise ValueError("skip_existing: is for frames of files of their own, as a movie is whole or not there")
         if skip_existing and each:
             raise ValueError("skip_existing: does not go with each, as no file says what that has drawn")
-        if suffix == ".mp4":
+        if suffix in CODECS:
             find_ffmpeg()
         self._name_of, self._movie, self._fps = name_of, suffix in MOVIES, fps
         self._skip_existing, self._each, self._inputs = skip_existing, each, inputs or Inputs()
@@ -227,7 +225,7 @@ class FrameFiles:
         return [self._name_of(0)]
 
     def _store(self, pictures: Iterator[tuple[int, Pixels, Callable[[], str] | None]], done: Any) -> None:
-        """Encodes pictures in several threads, and writes them in order in another one.
+        """Writes pictures: of a movie in order, in a thread of its own, and else in several.
 
         pictures: of each its number, pixels and what makes its fingerprint, if the file is to have one. Raises
         ValueError for a picture of a movie that has another size than the first.
@@ -235,30 +233,30 @@ class FrameFiles:
         first = next(pictures, None)
         if first is None:
             return
-        shape = first[1].shape
+        shape, writers = first[1].shape, 1 if self._movie else processors()
 
-        def encoded(picture: tuple[int, Pixels, Callable[[], str] | None]) -> Any:
-            number, pixels, mark = picture
-            if writer is None:
-                return write_frame(self._name_of(number), pixels, mark)
+        def write(number: int, pixels: Pixels, mark: Callable[[], str] | None) -> None:
+            if put is None:
+                write_frame(self._name_of(number), pixels, mark)
+                return
             if pixels.shape != shape:
                 (high, wide, channels), (h, w, n) = shape, pixels.shape
                 wanted, got = f"{wide}x{high} pixels of {channels} channels", f"{w}x{h} of {n}"
                 raise ValueError(f"frames[{number}]: must have {wanted}, as the first one of the movie, got {got}")
-            return writer.encode(pixels)
+            put(pixels)
 
         with ExitStack() as stack:
-            writer = None
+            put = None
             if self._movie:
-                writer = stack.enter_context(movie_writer(Path(self._name_of(0)), self._fps, shape[1::-1]))
-            put = writer.put if writer else self.written.append
-            last, encoders = ThreadPoolExecutor(1), ThreadPoolExecutor(processors())
-            for pool in (last, encoders):
-                stack.callback(pool.shutdown, cancel_futures=True)
-            all_encoded = in_order(
-                chain([first], pictures), lambda one: encoders.submit(encoded, one).result, processors
+                put = stack.enter_context(movie_writer(Path(self._name_of(0)), self._fps, shape))
+            pool = ThreadPoolExecutor(writers)
+            stack.callback(pool.shutdown, cancel_futures=True)
+            begun = in_order(
+                chain([first], pictures), lambda picture: pool.submit(write, *picture).result, lambda: writers + 1
             )
-            for _ in in_order(all_encoded, lambda pair: last.submit(put, pair[1]).result, processors):
+            for (number, _, _), _ in begun:
+                if not self._movie:
+                    self.written.append(self._name_of(number))
                 done.update()
 
 

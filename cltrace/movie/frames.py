@@ -144,11 +144,6 @@ class Pattern(NamedTuple):
     text: str
 
     @property
-    def numbered(self) -> bool:
-        """Whether each frame has a file of its own."""
-        return NUMBER.search(self.text.replace("%%", "")) is not None
-
-    @property
     def suffix(self) -> str:
         """Of the file, in small letters."""
         return Path(self.text).suffix.lower()

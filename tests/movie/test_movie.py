@@ -23,8 +23,8 @@ from PIL import Image as Picture
 import cltrace
 from cltrace import Camera, Scene, cli
 from cltrace.movie import animate
-from cltrace.movie.fingerprint import Fingerprints
 from cltrace.movie.frames import frames_of, pattern_of, range_of
+from cltrace.movie.writers import Fingerprints
 from cltrace.run.pack import packers
 
 FILE = Path(__file__).parents[2] / "scenes" / "step3-shadows.xml"
