@@ -14,7 +14,7 @@ def main() -> NoReturn:
 def _begin_cluster() -> None:
     """Where a cluster of this machine is asked for, its first process starts beside the imports of this one."""
     if "--cluster local" in " ".join(sys.argv).replace("=", " "):
-        start_forkserver("cltrace.distributed.farm")
+        start_forkserver("cltrace.distributed")
 
 
 if __name__ == "__main__":

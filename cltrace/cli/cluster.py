@@ -37,7 +37,7 @@ SILENCE = 5.0  # seconds after which it is said that they are waited for
 # Loggers that would print what a command says in a line of its own, with tracebacks; each has a level of its own.
 TALKING = ("distributed", "distributed.client", "distributed.gc", "tornado.application", "asyncio")
 # What the processes of a local cluster import before they begin.
-WORKERS = "cltrace.distributed.farm"
+WORKERS = "cltrace.distributed"
 
 
 def draw_tiles(options: Options, cluster: str, reporter: Reporter) -> int:
@@ -95,7 +95,8 @@ def client_of(spec: str) -> Iterator[Any]:
 def _local_client(distributed: Any, count: int) -> Iterator[Any]:
     """A client of so many processes here, which end with it. Raises DeviceError if they do not start."""
     dask: Any = importlib.import_module("dask")
-    how = {"threads_per_worker": 1, "memory_limit": 1 / count, "processes": True, "silence_logs": logging.CRITICAL}
+    how = {"threads_per_worker": max(1, processors() // count), "memory_limit": 1 / count, "processes": True}
+    how["silence_logs"] = logging.CRITICAL
     # Without a dashboard it serves HTTP all the same, to all hosts and at a port that another cluster may have.
     private = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
     with (

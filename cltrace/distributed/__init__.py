@@ -1,32 +1,56 @@
 """One picture in tiles, or the frames of a movie, on the workers of a dask cluster: the same bytes as in one process.
 
-It needs the extra `dask`. farm is what hands out work and what runs in the workers.
+It needs the extra `dask`.
 """
 
 from __future__ import annotations
 
+import contextlib
+import logging
 import os
-from collections.abc import Generator, Iterable, Mapping, Sized
+import socket
+import threading
+import time
+import warnings
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sized
+from concurrent.futures import CancelledError
 from contextlib import closing
+from functools import partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from distributed import Client
+from distributed import Client, KilledWorker
+from distributed.comm.core import CommClosedError
 
+from cltrace.base.errors import CltraceError, DeviceError, TooManyRaysError, TooSlowError
 from cltrace.base.progress import bar
-from cltrace.distributed.farm import Farm, FarmError, Task
-from cltrace.movie.animate import FPS, Each, FrameRenderer, files_of
+from cltrace.base.waiting import Announcement
+from cltrace.movie.animate import FPS, Each, FrameRenderer, files_of, in_order
 from cltrace.movie.frames import MovieFrame, frames_of
 from cltrace.picture.image import Image
 from cltrace.picture.png import BAND
-from cltrace.plan.request import Request
-from cltrace.scene import Scene
+from cltrace.plan.request import Crop, Request
+from cltrace.renderers.renderer import Renderer
+from cltrace.run.devices import Device, choose
+from cltrace.scene import AnyCamera, Scene, share_all_but_camera
 
 __all__ = ["FarmError", "animate", "render"]
 
-# Tiles for each worker, so that none waits long for the last one.
-TILES = 8
+# Tiles for each worker, so that none waits long for the last one; and pending tasks, so that none waits for the client.
+TILES, TASKS_PER_WORKER = 8, 2
+# How often a task that fails is done again.
+RETRIES = 2
+# Seconds for which it is remembered which workers there are, after which a cluster without a worker is given up, and
+# after which it is said that a worker is waited for.
+SEEN, ALONE, SILENCE = 0.5, 60.0, 5.0
+# How PoCL of several ages, and Intel's driver, are told how many threads they may have.
+THREADS = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "DPCPP_CPU_NUM_CUS")
+
+
+class FarmError(DeviceError):
+    """A cluster has no worker with a device, or has gone, or a task has failed on it again and again."""
 
 
 def render(
@@ -120,11 +144,184 @@ def on_cluster(client: Client, device: str | None, options: Mapping[str, Any]) -
     farm = Farm(client, device, {name: value for name, value in options.items() if name != "crop"})
 
     def images(frames: Iterable[MovieFrame]) -> Generator[tuple[MovieFrame, Image], None, None]:
-        tasks = (Task(f"frame {frame.number}", frame.scene, crop, frame) for frame in frames)
+        tasks = (Task(f"frame {number}", scene, crop, number) for number, scene in frames)
         with closing(farm.images(tasks)) as drawn:
             for task, image in drawn:
-                assert task.frame
-                yield task.frame, image
+                yield MovieFrame(task.number, task.scene), image
 
     place = f"{farm.count()} workers with {', '.join(farm.devices)}"
     return FrameRenderer(images, {**options, **farm.options}, " ".join(farm.devices), place)
+
+
+class Task(NamedTuple):
+    """A picture, or a part of one: what messages call it, the scene, the part, and the number of the frame."""
+
+    label: str
+    scene: Scene
+    crop: Crop | None
+    number: int = 0
+
+
+class Farm:
+    """A cluster that draws. client: of the cluster; device: as --device has it; options: the Renderer's, but for crop.
+
+    options: with the precision that all workers have; devices: the names of the workers' devices. Raises FarmError if
+    no worker has a device.
+    """
+
+    def __init__(self, client: Client, device: str | None, options: Mapping[str, Any]) -> None:
+        self._client: Any = client
+        self._spec, self.options = device, dict(options)
+        self._found: dict[str, tuple[str, bool]] = {}  # what device_here() has said, by the worker's address
+        self._seen, self._usable = -SEEN, list[str]()
+        self._base: tuple[Scene, Any] | None = None  # the last scene, and the task that makes it
+        with _cluster_errors():
+            with Announcement("waiting for a worker of the cluster ...", SILENCE, logging.WARNING):
+                client.wait_for_workers(1, timeout=ALONE)
+            usable = [self._found[address] for address in self._workers()]
+        if not usable:
+            where = ", ".join(sorted(self._found))
+            raise FarmError(f"no worker has an OpenCL device ({where}); `cltrace --doctor` there says why")
+        self.devices = sorted({name for name, _ in usable})
+        if self.options.get("precision") is None:  # the same on all of them
+            self.options["precision"] = "accurate" if all(double for _, double in usable) else "single"
+
+    def count(self) -> int:
+        """How many workers have a device now."""
+        with _cluster_errors():
+            return len(self._workers())
+
+    def images(self, tasks: Iterable[Task]) -> Generator[tuple[Task, Image], None, None]:
+        """Yields each task with its image, in order, and cancels what is not done when it is closed.
+
+        Raises FarmError for a task that fails again and again or whose workers die, and TooManyRaysError and
+        TooSlowError without another try.
+        """
+        futures = deque[Any]()
+
+        def begin(task: Task) -> Callable[[], Image]:
+            futures.append(future := self._submit(task))
+            return partial(self._result, task, future)
+
+        try:
+            for task, image in in_order(tasks, begin, lambda: TASKS_PER_WORKER * self.count()):
+                futures.popleft()
+                yield task, image
+        finally:
+            self._base = None
+            with contextlib.suppress(Exception):
+                self._client.cancel(list(futures), force=True)
+
+    def _submit(self, task: Task) -> Any:
+        """A future of the task's image. A scene is sent once, however many cameras and crops look at it."""
+        with _cluster_errors(), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # dask advises against sending large scenes
+            if self._base is None or not share_all_but_camera(self._base[0], task.scene):
+                self._base = task.scene, self._client.submit(itself, task.scene, pure=False)
+            base = self._base[1]
+            # Workers without a device do not draw. Where those with one have died, dask takes what comes instead.
+            where = {"workers": self._workers(), "allow_other_workers": True}
+            what = (self._spec, base.key, base, task.scene.camera, self.options, task.crop)
+            return self._client.submit(draw, *what, pure=False, retries=RETRIES, **where)
+
+    def _result(self, task: Task, future: Any) -> Image:
+        """Waits for the image of a task that was handed out."""
+        result: Any = None
+        died = FarmError(f"{task.label}: workers have died over it again and again")
+        while result is None:
+            try:
+                with _cluster_errors(), contextlib.suppress(TimeoutError):
+                    result = future.result(timeout=ALONE)
+            except WorkerError as error:
+                raise FarmError(f"{task.label}: {error}") from None
+            except KilledWorker:
+                raise died from None
+            if result is None and not self.count():
+                raise died
+        if isinstance(result, CltraceError):
+            raise result
+        image: Image = result
+        return image
+
+    def _workers(self) -> list[str]:
+        """The addresses of the workers with a device, as they were at most SEEN seconds ago."""
+        if time.monotonic() > self._seen + SEEN:
+            there = self._client.scheduler_info(n_workers=-1)["workers"]
+            if new := [address for address in there if address not in self._found]:
+                self._found |= self._client.run(device_here, self._spec, workers=new, on_error="ignore")
+            self._usable = [address for address in there if self._found.get(address, ("", False))[0]]
+            self._seen = time.monotonic()
+        return self._usable
+
+
+@contextlib.contextmanager
+def _cluster_errors() -> Iterator[None]:
+    """Makes FarmErrors of what happens when the scheduler has gone."""
+    try:
+        yield
+    except (CancelledError, CommClosedError, OSError, TimeoutError) as error:
+        raise FarmError(f"the cluster has gone, or has no workers: {error or type(error).__name__}") from None
+
+
+# In a worker: its device, what it keeps for the next task, and a lock, as it draws one picture at a time.
+_device: list[Device] = []
+_kept: dict[str, Renderer] = {}
+_lock = threading.Lock()
+
+
+class WorkerError(Exception):
+    """What went wrong in a worker, and where."""
+
+
+def device_here(spec: str | None, dask_worker: Any) -> tuple[str, bool]:
+    """In a worker: the name of the device, or an empty text, and whether it has doubles.
+
+    spec: as --device has it, None for the worker's environment or its fastest CPU driver. A CPU's driver has as many
+    threads as dask gives the worker.
+    """
+    for name in THREADS:
+        os.environ.setdefault(name, str(dask_worker.state.nthreads))
+    try:
+        _device[:] = _device or [choose(spec)]
+    except CltraceError as error:
+        logging.getLogger("distributed.worker").error("cltrace: no device here: %s", str(error).splitlines()[0])
+        return "", False
+    return _device[0].name, _device[0].has_double
+
+
+def itself(scene: Scene) -> Scene:
+    """In a worker: makes a scene the result of a task, which dask sends to others, and makes again if it is lost."""
+    return scene
+
+
+def draw(
+    spec: str | None, key: str, base: Scene, camera: AnyCamera, options: Mapping[str, Any], crop: Crop | None
+) -> Any:
+    """In a worker: the Image of a crop of a scene.
+
+    spec: of the device, for a worker that has begun meanwhile; key: of the base, which tells whether the last renderer
+    was made of it; camera: that looks at it. TooManyRaysError and TooSlowError are returned, since dask does again what
+    raises an error.
+    """
+    name = f"{key} {sorted(options.items())!r}"
+    try:
+        with _lock:
+            renderer = _kept.pop(name, None)
+            _kept.clear()  # before another one takes as much memory
+            if renderer is None:
+                _device[:] = _device or [choose(spec)]
+                renderer = Renderer(base.seen_by(camera), _device[0], crop=crop, **options)
+            if crop != renderer.request.crop:
+                renderer = renderer.cropped(crop)
+            if camera != renderer.scene.camera:
+                renderer = renderer.following(renderer.scene.seen_by(camera))
+            image = renderer.render()
+            _kept[name] = renderer
+    except (TooManyRaysError, TooSlowError) as error:
+        return error
+    except Exception as error:
+        # What a driver raises may not be what another machine can read, and the machine's name helps.
+        raise WorkerError(f"{error} (on {socket.gethostname()}, process {os.getpid()})") from None
+    for output in image.outputs:  # without the margin of the buffers that the outputs are in
+        setattr(image, output, np.ascontiguousarray(getattr(image, output)))
+    return image

@@ -26,8 +26,8 @@ distributed = pytest.importorskip("distributed")
 cloudpickle = pytest.importorskip("cloudpickle")
 dask = pytest.importorskip("dask")
 
-from cltrace.distributed import FarmError, animate, farm, render  # noqa: E402
-from cltrace.distributed.farm import draw  # noqa: E402
+from cltrace import distributed as farm  # noqa: E402
+from cltrace.distributed import FarmError, animate, draw, render  # noqa: E402
 from cltrace.run import executor  # noqa: E402
 
 # Processes are started, which takes seconds. Of what dask leaves open, nothing is ours.
