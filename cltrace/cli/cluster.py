@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from cltrace.base.arrays import processors
-from cltrace.base.errors import DeviceError, MissingPackageError, UsageError
+from cltrace.base.errors import DeviceError, MissingPackageError
 from cltrace.base.waiting import Announcement
 from cltrace.cli.files import Reporter, scene_of, targets_of, write_rows
-from cltrace.cli.options import Options
+from cltrace.cli.options import Options, refusing
 from cltrace.plan.request import Request
 from cltrace.process.entry import METHOD, imported, start_forkserver
 
@@ -46,15 +46,13 @@ def draw_tiles(options: Options, cluster: str, reporter: Reporter) -> int:
     (target,) = targets_of(scene, options, (".png",))
     how = options.renderer_options(options.shown)
     how |= {"tiles": options.tiles, "device": options.device, "progress": reporter.progress}
-    try:
+    with refusing():
         height = Request(crop=options.crop).region_of(scene.camera.resolution)[3]
         with client_of(cluster) as client:
             from cltrace.distributed import tiles_of
 
             with closing(tiles_of(scene, client, **how)) as tiles:
                 write_rows(tiles, height, {target: {"show": options.show, "axes": options.axes(scene.camera)}})
-    except ValueError as error:
-        raise UsageError(str(error)) from None
     reporter.say(f"cltrace: wrote {target}, on the cluster {cluster}")
     return 0
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib
 import logging
 import sys
-from argparse import Namespace
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -23,10 +22,10 @@ PATIENCE = 1000
 
 def main(argv: list[str] | None = None) -> int:
     """Runs the command. Returns its exit status: 0 ok, 1 check failed, 2 usage or scene, 3 device, 130 Ctrl-C."""
-    args = Namespace(verbose=False)
+    options = Options(verbose=False)
 
     def run() -> int:
-        options = options_of(sys.argv[1:] if argv is None else argv, args)
+        options_of(sys.argv[1:] if argv is None else argv, options)
         if options.quiet:
             logging.getLogger("cltrace").setLevel(logging.WARNING)
         reporter = Reporter(options.quiet)
@@ -34,16 +33,16 @@ def main(argv: list[str] | None = None) -> int:
             return watch(options, reporter, partial(do, options, reporter))
         return do(options, reporter)
 
-    return command("cltrace", run, verbose=lambda: args.verbose)
+    return command("cltrace", run, verbose=lambda: bool(options.verbose))
 
 
 def do(options: Options, reporter: Reporter) -> int:
     """Does a kind of work, and returns the exit status. Only the modules that it needs are imported: imports are half
     of a small picture's time."""
     if options.doctor:
-        from cltrace.cli.doctor import doctor, write_report
+        from cltrace.cli.doctor import doctor
 
-        return doctor(options.device) if options.report is None else write_report(options.device, options.report)
+        return doctor(options.device)
     if options.list_devices:
         listing = [device.line() for device in devices()]
         print("\n".join(listing) if listing else f"no OpenCL device found\n{where_drivers_are()}")

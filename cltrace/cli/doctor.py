@@ -1,45 +1,32 @@
-"""`cltrace --doctor` and its --report: what is installed, where its drivers are, and whether each device draws what the
-reference says.
+"""`cltrace --doctor`: what is installed, where its drivers are, and whether each device draws what the reference says.
 
 A driver can end the whole process, as LLVM does where it cannot translate an instruction. So whatever loads one is done
 in a child process, whose death is then a line of the report:
 
     python -m cltrace.cli.doctor devices [SPEC]    prints one JSON object: all devices, and the one that SPEC means
     python -m cltrace.cli.doctor draw P:D [WIDTH]  draws a small picture; without WIDTH, status 0 if it is right
-    python -m cltrace.cli.doctor report P:D        prints the lines of --report on a device as one JSON list
 """
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import platform
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
 
-import numpy as np
 import pyopencl as cl
 
 import cltrace
 from cltrace.base.errors import CltraceError
-from cltrace.cli.files import naming
-from cltrace.picture.files import whole_file
-from cltrace.plan.abi import Precision
-from cltrace.plan.request import PRECISIONS
 from cltrace.run import caches
-from cltrace.run.devices import Device, choose, devices, where_drivers_are
+from cltrace.run.devices import choose, devices, where_drivers_are
 from cltrace.run.trial import child
 from cltrace.students.check import check
 
 LOAD = "import ctypes, sys; ctypes.CDLL(sys.argv[1])"
-FRAMES = 5  # of which the fastest counts
-# Seconds until a device is given up: it builds fifteen kernels, of which a driver may take a minute each.
-PATIENCE = 1200
-
-
 PACKAGES = ("numpy", "pyopencl", "lxml", "pillow", "pocl-binary-distribution", "intel-opencl-rt")
 
 
@@ -47,17 +34,12 @@ def doctor(spec: str | None = None, say: Callable[[str], None] = print) -> int:
     """Reports on this installation, line by line. Returns 0 if the device that `spec` means (None: the default) draws
     the picture that the reference draws, else 3. With a spec, only that device is tried.
     """
-    return examine(spec, say)[0]
-
-
-def examine(spec: str | None, say: Callable[[str], None]) -> tuple[int, list[str]]:
-    """doctor()'s status, and the specs of the devices that draw that picture."""
     for line in [_versions(), *_drivers(), *_caches()]:
         say(line)
     status, answer = child("-m", __name__, "devices", *([] if spec is None else [spec]))
     if status != 0:
         say(f"devices    {answer}")
-        return _advise(say, []), []
+        return _advise(say, [])
     listing = json.loads(answer)
     wanted, every = listing["wanted"], listing["devices"]
     asked = f"  ({_asked(spec)})"
@@ -71,14 +53,14 @@ def examine(spec: str | None, say: Callable[[str], None]) -> tuple[int, list[str
         if status == 0:
             well.append(name)
     if wanted in well:
-        return 0, well
+        return 0
     if wanted is None:
         say(f"devices    {listing['problem']}")
         for line in every.values():
             say(f"           {line}")
         if spec not in (None, "gpu"):  # only the name is wrong
-            return 3, well
-    return _advise(say, well), well
+            return 3
+    return _advise(say, well)
 
 
 def _asked(spec: str | None) -> str:
@@ -196,101 +178,7 @@ def _draw(spec: str, width: str | None = None) -> int:
     return 1
 
 
-def write_report(spec: str | None, target: str, say: Callable[[str], None] = print) -> int:
-    """Says what doctor() says, and writes that and the lines on each device that works into a file. Returns doctor()'s
-    status. Raises UsageError if the file cannot be written.
-    """
-    lines: list[str] = []
-
-    def note(line: str) -> None:
-        say(line)
-        lines.append(line)
-
-    with naming(target), whole_file(Path(target)) as file:
-        status, well = examine(spec, note)
-        for name in well:
-            ended, answer = child("-m", __name__, "report", name, patience=PATIENCE)
-            lines += ["", *(json.loads(answer) if ended == 0 else [f"device     {name} FAILS: {answer}"])]
-        file.write("\n".join([*lines, ""]).encode())
-    say(f"wrote {target}")
-    return status
-
-
-def lines_on(device: Device) -> Iterator[str]:
-    """A device's limits, then what it draws: how many pixels are wrong, and how long a build and a frame take."""
-    yield f"device     {device.line()}"
-    for name in filter(str.isupper, dir(cl.device_info)):
-        with contextlib.suppress(cl.Error, ValueError):  # what this driver has not
-            value = device.cl.get_info(getattr(cl.device_info, name))
-            yield f"{name.lower():<30} {' '.join(str(value).split())}"
-    yield f"{'width':<30} {device.width}"
-    for name, (scene, checked) in TRIALS.items():
-        for precision in PRECISIONS if device.has_double else ("single",):
-            try:
-                found = _tried(scene(), checked, device, precision)
-            except CltraceError as error:
-                found = f"FAILS: {' '.join(str(error).split())}"
-            yield f"{f'{name}, {precision}':<30} {found}"
-
-
-def _tried(scene: cltrace.Scene, checked: bool, device: Device, precision: Precision) -> str:
-    renderer = cltrace.Renderer(scene, device, precision, outputs=("rgb8", "id"))
-    images = [renderer.render() for _ in range(FRAMES)]
-    frame = min(image.seconds["kernel"] for image in images)
-    times = f"build {1000 * renderer.seconds['build']:.0f} ms, frame {1000 * frame:.3g} ms"
-    if not checked:
-        return times
-    found = check(scene, images[0], precision, images[0].rgb8[..., 0].size)
-    return f"{'ok' if found.ok else 'WRONG'}: {' '.join(str(found).split())}; {times}"
-
-
-def _mirrors() -> cltrace.Scene:
-    """The doctor's picture with a mirror and a ball of glass."""
-    plain = picture()
-    return cltrace.Scene.from_spheres(
-        plain.camera,
-        plain.lights,
-        plain.spheres["center"],
-        plain.spheres["radius"],
-        reflectance=[0, 0.5, 0, 0, 0],
-        transmittance=[0, 0, 0.8, 0, 0],
-        index=[1, 1, 1.5, 1, 1],
-    )
-
-
-def _mesh() -> cltrace.Scene:
-    """A bowl of 2 x 20 x 20 triangles in the doctor's light."""
-    x, y = np.meshgrid(np.linspace(-1.5, 1.5, 21), np.linspace(-1.5, 1.5, 21))
-    vertices = np.stack([x, 0.4 * (x * x + y * y) - 1, y], axis=-1).reshape(-1, 3)
-    first = (np.arange(20)[:, None] * 21 + np.arange(20)).ravel()[:, None]
-    faces = np.concatenate([first + [0, 21, 1], first + [1, 21, 22]])
-    plain = picture()
-    return cltrace.Scene.from_meshes(plain.camera, plain.lights, cltrace.Mesh(vertices, faces))
-
-
-def _many(count: int) -> cltrace.Scene:
-    """Spheres in a box, at 960x540."""
-    plain, rng = picture(), np.random.default_rng(1)
-    camera = cltrace.Camera((0, 1, 6), (0, 0, 0), horizontal_fov=24, resolution=(960, 540))
-    return cltrace.Scene.from_spheres(camera, plain.lights, rng.uniform(-2, 2, (count, 3)), 1.5 * count ** (-1 / 3))
-
-
-# The scenes that a device draws for a report, and whether the reference is fast enough to draw them, too.
-TRIALS: dict[str, tuple[Callable[[], cltrace.Scene], bool]] = {
-    "spheres": (picture, True),
-    "mirrors and glass": (_mirrors, True),
-    "a mesh": (_mesh, True),
-    "1,000 spheres": (lambda: _many(1_000), False),
-    "100,000 spheres": (lambda: _many(100_000), False),
-}
-
-
-def _report(spec: str) -> int:
-    print(json.dumps(list(lines_on(choose(spec)))))
-    return 0
-
-
 if __name__ == "__main__":
     task, *rest = sys.argv[1:]
-    tasks: dict[str, Callable[..., int]] = {"draw": _draw, "devices": _list, "report": _report}
+    tasks: dict[str, Callable[..., int]] = {"draw": _draw, "devices": _list}
     sys.exit(tasks[task](*rest))

@@ -88,14 +88,6 @@ def targets_of(scene: Scene, options: Options, suffixes: tuple[str, ...] = SUFFI
     return targets
 
 
-def target_of(scene: Scene, options: Options, option: str) -> str:
-    """The one PNG where the answer of an option goes."""
-    targets = targets_of(scene, options, (".png",))
-    if len(targets) > 1:
-        raise UsageError(f"{option} takes one -o")
-    return targets[0]
-
-
 def suffix_of(target: str) -> str:
     """What says the format of a target: .png of stdout."""
     return ".png" if target == "-" else Path(target).suffix.lower()
@@ -155,12 +147,15 @@ def write_rows(images: Iterable[Image], height: int, targets: Mapping[str, Mappi
 
 
 @contextmanager
-def naming(target: str | None = None) -> Iterator[None]:
-    """Makes a UsageError of what is raised where a file cannot be written. target: which one, if no error says it."""
+def naming(target: str | None = None, otherwise: str | None = None) -> Iterator[None]:
+    """Makes a UsageError of what is raised where a file cannot be written.
+
+    target: which one; None for the one that the error names, or `otherwise` if it names none.
+    """
     try:
         yield
     except BrokenPipeError:
         raise
     except (OSError, UnicodeError) as error:
-        name = target or getattr(error, "filename", None)
+        name = target or getattr(error, "filename", None) or otherwise
         raise UsageError(f"cannot write {name}: {getattr(error, 'strerror', None) or error}") from None

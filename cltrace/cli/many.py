@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.base.errors import SceneError, UsageError
-from cltrace.cli.files import Reporter, check_target, files_of, scene_of
-from cltrace.cli.options import Options
+from cltrace.cli.files import Reporter, check_target, files_of, naming, scene_of
+from cltrace.cli.options import Options, refusing
 from cltrace.movie.animate import FPS, FrameFiles, FrameRenderer, on_device
 from cltrace.movie.frames import MOVIES, MovieFrame, Pattern, frames_of, orbit, pattern_of
 from cltrace.picture.files import Inputs
@@ -28,29 +28,19 @@ def draw_many(options: Options, reporter: Reporter, check: Callable[[], object] 
     """
     _check_names(options)
     work = _Pictures(options, reporter, check)
-    try:
-        with ExitStack() as stack:
-            renderer: FrameRenderer | None = None
-            for files, frames, count in work.scenes() if options.orbit is None else work.orbits():
-                renderer = renderer or _renderer(options, stack)  # which may take long, so a scene's faults come first
-                work.write(files, frames, count, renderer)
-    except ValueError as error:
-        raise UsageError(str(error)) from None
-    except OSError as error:
-        if isinstance(error, BrokenPipeError):
-            raise
-        name = error.filename or (options.output[0] if options.output else None)
-        raise UsageError(f"cannot write {name}: {error.strerror or error}") from None
+    with refusing(), naming(otherwise=(options.output or ["the picture"])[0]), ExitStack() as stack:
+        renderer: FrameRenderer | None = None
+        for files, frames, count in work.scenes() if options.orbit is None else work.orbits():
+            renderer = renderer or _renderer(options, stack)  # which may take long, so a scene's faults come first
+            work.write(files, frames, count, renderer)
     return work.status
 
 
 def orbit_of(options: Options, scene: Scene) -> tuple[list[AnyCamera], str]:
     """The cameras of the frames around the only scene, and the name of their file. Raises what draw_many() raises."""
     _check_names(options)
-    try:
+    with refusing():
         cameras = _cameras(options, scene)
-    except ValueError as error:
-        raise UsageError(str(error)) from None
     pattern = _pattern(options, scene, options.scenes[0], Inputs(files_of(scene)))
     return [cameras[number] for number in _picked(options, len(cameras), "frames")], pattern.text
 
@@ -59,11 +49,9 @@ def _check_names(options: Options) -> None:
     """Raises UsageError where -o makes no sense, or two scenes have the same name."""
     taken: dict[str, str] = {}
     for path in options.scenes if options.output else ():
-        try:
+        with refusing("-o: "):
             pattern = pattern_of((options.output or [""])[0], Path(path).stem, options.orbit is not None)
             name = pattern.text if options.orbit is not None else pattern.of(0)
-        except ValueError as error:
-            raise UsageError(f"-o: {error}") from None
         if name in taken:
             raise UsageError(
                 f"-o: {taken[name]} and {path} would both be {name}; have {{}} in it, which is the name of the "
@@ -74,8 +62,7 @@ def _check_names(options: Options) -> None:
 
 def _renderer(options: Options, stack: ExitStack) -> FrameRenderer:
     """What draws: the device, or a cluster, which lives as long as the stack."""
-    # Fingerprints of files that are there have the depth twice.
-    how = options.renderer_options((*options.shown, *options.scale))
+    how = options.renderer_options(options.shown)
     if options.cluster is None:
         return on_device(options.device, how)
     from cltrace.cli.cluster import client_of
@@ -152,8 +139,6 @@ class _Pictures:
                 other = f"another scene has {pattern.text}, too; -o '{{}}%04d.png' takes scenes' names"
                 raise UsageError(f"{path}: {other}")
             taken.add(pattern.text)
-            if pattern.suffix == ".mp4":
-                self._tell_even(scene)
             cameras = _cameras(self.options, scene)
             frames = frames_of(cameras, scene, self.options.frames or slice(None))
             files = FrameFiles(pattern.of, pattern.suffix, self.options.fps or FPS, **self.how)
@@ -164,22 +149,19 @@ class _Pictures:
         options = self.options
         how: dict[str, Any] = {"look": (options.show, options.space), "progress": self.reporter.progress}
 
-        def tell_written(names: list[str], kept: int) -> None:
-            if names:
-                which = names[0] if len(names) == 1 else f"{len(names) - kept} pictures, {names[0]} to {names[-1]}"
-                there = f", {kept} were there," if kept else ","
-                self.reporter.say(f"cltrace: wrote {which}{there} {renderer.how}")
-
         def pixels(image: Image, scene: Scene) -> NDArray[np.uint8]:
             self.check()
             return options.pixels(image, scene.camera)
 
+        names: list[str] = []
         try:
             names = files.write(frames, renderer, pixels, total=count, **how)
-        except Exception:
-            tell_written(files.written, 0)
-            raise
-        tell_written(names, files.kept)
+        finally:
+            kept, names = files.kept if names else 0, names or files.written
+            if names:
+                which = names[0] if len(names) == 1 else f"{len(names) - kept} pictures, {names[0]} to {names[-1]}"
+                there = f", {kept} were there," if kept else ","
+                self.reporter.say(f"cltrace: wrote {which}{there} {renderer.how}")
 
     def _read(self, path: str) -> Scene | None:
         """A scene, or None if it has faults, which are told."""
@@ -194,11 +176,3 @@ class _Pictures:
             return None
         self.inputs.add(files_of(scene))
         return scene
-
-    def _tell_even(self, scene: Scene) -> None:
-        """Says what an mp4 does to odd sizes."""
-        crop = self.options.crop
-        width, height = (crop[2] - crop[0], crop[3] - crop[1]) if crop else scene.camera.resolution
-        if width % 2 or height % 2:
-            even = f"{width + width % 2}x{height + height % 2}, with its last pixels twice"
-            self.reporter.say(f"cltrace: an mp4 has no odd sizes: {width}x{height} becomes {even}")

@@ -10,8 +10,8 @@ import argparse
 import math
 import re
 from argparse import ArgumentTypeError
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,9 +23,8 @@ from cltrace import __version__
 from cltrace.base import limits
 from cltrace.base.errors import UsageError
 from cltrace.picture.effects import Effects
-from cltrace.picture.image import DIRECTED, LIT, OUTPUTS, SHOWS, USUAL, Image, Output, Show
+from cltrace.picture.image import DIRECTED, LIT, OUTPUTS, SHOWS, USUAL, Image, Output
 from cltrace.picture.storing import SUFFIXES
-from cltrace.plan.abi import Precision
 from cltrace.plan.request import LATTICES, PRECISIONS, WIDTHS, Crop
 from cltrace.process.console import Parser, positive
 from cltrace.scene import AnyCamera, check_resolution
@@ -37,78 +36,31 @@ EXAMPLES = """examples:
 # Options that ask for more than one picture, those that go with one only, and those that do not go with a cluster.
 MANY = ("orbit", "axis", "degrees", "frames", "fps", "skip_existing")
 ONE = (
-    *("check", "explain", "trace", "compare", "tolerance", "json", "stats", "repeat", "bits", "outputs", "watch"),
+    *("check", "explain", "trace", "compare", "tolerance", "json", "stats", "bits", "outputs", "watch"),
     *("view", "tiles"),
 )
-NOT_ON_CLUSTER = ("check", "stats", "repeat", "bits", "outputs", "watch")
+# Options that say how another one does its work.
+OF = {
+    "tiles": "cluster", "trace": "explain", "tolerance": "compare", "samples": "antialias",
+    "axis": "orbit", "degrees": "orbit",
+}  # fmt: skip
+NOT_ON_CLUSTER = ("check", "stats", "bits", "outputs", "watch")
 # Options that go with all kinds of work on scenes.
 ALWAYS = {"scenes", "watch", "quiet", "verbose", "limit"}
 
 
-# Options are neither compared nor printed. The methods of dataclasses are compiled when cltrace starts, and those for
-# that took 3 ms, a hundredth of the time of a small picture.
-@dataclass(frozen=True, eq=False, repr=False)
-class Options:
-    """What the command line says, by the names of its options. None stands for what is not given."""
-
-    scenes: list[str]
-    output: list[str] | None
-    bits: int
-    outputs: list[Output] | None
-    size: tuple[int, int] | None
-    crop: Crop | None
-    show: Show
-    space: str | None
-    square_pixels: bool
-    transparent: bool
-    antialias: bool
-    samples: int | None
-    outline: tuple[str, float] | None
-    fog: tuple[str, float, float] | None
-    truncate: bool
-    limit: list[str]
-    orbit: int | None
-    axis: str | tuple[float, ...] | None
-    degrees: float | None
-    frames: slice | None
-    fps: float | None
-    skip_existing: bool
-    view: bool
-    watch: bool
-    device: str | None
-    precision: Precision | None
-    width: int | None
-    list_devices: bool
-    doctor: bool
-    report: str | None
-    cluster: str | None
-    tiles: int | None
-    check: str | int | None
-    explain: tuple[int, int] | None
-    trace: bool
-    compare: str | None
-    tolerance: int | None
-    json: bool
-    stats: str | None
-    repeat: int
-    quiet: bool
-    verbose: bool
+class Options(argparse.Namespace):
+    """What the command line says, by the names of the parser's options. None stands for what is not given."""
 
     @property
     def many(self) -> bool:
         """Whether more than one picture is asked for."""
-        asked = [getattr(self, name) for name in MANY]
-        return len(self.scenes) > 1 or any(value is not None and value is not False for value in asked)
+        return len(self.scenes) > 1 or any(getattr(self, name) not in (None, False) for name in MANY)
 
     @property
     def shown(self) -> tuple[Output, ...]:
         """The outputs that a picture is made of."""
         return ("rgb8",) if self.show == "color" else (self.show,)
-
-    @property
-    def scale(self) -> tuple[Output, ...]:
-        """The output whose least and greatest values are said."""
-        return ("depth",) if self.show == "depth" else ()
 
     def axes(self, camera: AnyCamera) -> Any:
         """Along which axes directions are shown, as Image.as_rgb8() has them."""
@@ -124,18 +76,26 @@ class Options:
         return {name: getattr(self, name) for name in names} | {"outputs": outputs}
 
 
-def options_of(words: Sequence[str], namespace: argparse.Namespace | None = None) -> Options:
+@contextmanager
+def refusing(before: str = "", kind: type[Exception] = UsageError) -> Iterator[None]:
+    """Makes an error of this kind of a ValueError, whose words are for the user, with others before them."""
+    try:
+        yield
+    except ValueError as error:
+        raise kind(f"{before}{error}") from None
+
+
+def options_of(words: Sequence[str], options: Options | None = None) -> Options:
     """What a command line asks for. Raises UsageError for what makes no sense.
 
-    namespace: has `verbose` as soon as that was read, also where another option is wrong.
+    options: where that goes, so that `verbose` is there as soon as it was read, also where another option is wrong.
     """
     given = ["--view", *words[1:]] if words[:1] == ["view"] and len(words) > 1 else list(words)
     cut = given.index("--") if "--" in given else len(given)
     p = parser()
-    args = p.parse_intermixed_args(given[:cut], namespace)
-    args.scenes += given[cut + 1 :]  # which argparse would take for options, here and there
-    options = Options(**{field.name: getattr(args, field.name) for field in fields(Options)})
-    check_options(options, [name for name in vars(args) if getattr(args, name) != p.get_default(name)])
+    options = p.parse_intermixed_args(given[:cut], options or Options())
+    options.scenes += given[cut + 1 :]  # which argparse would take for options, here and there
+    check_options(options, [name for name, value in vars(options).items() if value != p.get_default(name)])
     return options
 
 
@@ -154,17 +114,17 @@ def check_options(o: Options, given: Sequence[str]) -> None:
 
     def only(option: str, *taken: str) -> None:
         """Refuses all options but these."""
-        other = first([name for name in given if name not in {*ALWAYS, *taken}])
-        refuse(other, f"{option} takes no {other}")
+        more = first([name for name in given if name not in {*ALWAYS, *taken}])
+        refuse(more, f"{option} takes no {more}")
 
+    viewed = o.view and len(o.scenes) == 1
+    for option, other in OF.items():
+        refuse(option in given and other not in given and not viewed, f"--{option} goes with --{other}")
     for option, asked in (("--doctor", o.doctor), ("--list-devices", o.list_devices)):
         refuse(asked and o.scenes, f"{option} takes no scene, got {o.scenes[0] if o.scenes else ''!r}")
     if o.doctor:
-        only("--doctor", "doctor", "device", "report")
-        # Else a scene's file might be lost.
-        refuse(o.report and not o.report.endswith(".txt"), f"--report: must end in .txt, got {o.report!r}")
+        only("--doctor", "doctor", "device")
         return
-    refuse(o.report is not None, "--report goes with --doctor")
     if o.list_devices:
         refuse(o.device, "--list-devices lists all devices, so it takes no -d; --doctor -d SPEC tries one")
         return
@@ -172,7 +132,6 @@ def check_options(o: Options, given: Sequence[str]) -> None:
     stdin = "-" in o.scenes and not Path("-").exists()
     refuse(stdin, "a scene is not read from stdin: say the name of its file")
     refuse(o.watch and o.output and "-" in o.output, "--watch takes no -o -")
-    viewed = o.view and len(o.scenes) == 1
     if viewed:
         drawing = ("size", "square_pixels", "transparent", "outline", "fog", "antialias", "samples", "truncate")
         movie = (*MANY, "output") if o.orbit is not None else ()
@@ -180,34 +139,32 @@ def check_options(o: Options, given: Sequence[str]) -> None:
     if o.many:
         refuse(o.watch and not viewed, "--watch is for one picture, of one scene")
         _check_show(o, refuse)
-        _check_many(o, refuse, None if viewed else first(ONE), first(("axis", "degrees")))
+        _check_many(o, refuse, None if viewed else first(ONE))
         return
     if viewed:
         return
-    refuse(o.tiles is not None and o.cluster is None, "--tiles goes with --cluster")
     if o.explain is not None:
         only("--explain", "explain", "size", "square_pixels", "truncate", "json", "trace")
         refuse(o.json and o.trace, "--json and --trace both say how --explain prints")
         return
-    refuse(o.trace, "--trace goes with --explain")
     _check_show(o, refuse)
-    refuse(o.samples is not None and not o.antialias, "--samples goes with --antialias")
-    other = "--check" if o.check is not None else f"--show {o.show}"
-    middles = o.antialias and (o.show != "color" or o.check is not None)
-    refuse(middles, f"--antialias does not go with {other}, which is about the rays of pixels' middles")
+    middles = "--check" if o.check is not None else f"--show {o.show}" if o.show != "color" else ""
+    refuse(
+        o.antialias and middles, f"--antialias does not go with {middles}, which is about the rays of pixels' middles"
+    )
     if o.compare is not None:
         drawn = ("size", "square_pixels", "device", "precision", "truncate", "antialias")
+        refuse(len(o.output or ()) > 1, "--compare takes one -o")
         only("--compare", "compare", "output", "tolerance", "json", *drawn)
         return
-    refuse(o.tolerance is not None, "--tolerance goes with --compare")
     refuse(o.json, "--json goes with --explain and --compare; times and counts are --stats=json")
     if o.cluster is not None:
-        other = first(NOT_ON_CLUSTER) or ""
         # The greys of depths depend on the whole picture.
-        other = other or (f"--show {o.show}" if o.show in (LIT, "depth") else "")
-        refuse(other, f"{other} does not go with --cluster")
+        refused = first(NOT_ON_CLUSTER) or (f"--show {o.show}" if o.show in (LIT, "depth") else "")
+        refuse(refused, f"{refused} does not go with --cluster")
         refuse(o.output and (len(o.output) > 1 or "-" in o.output), "--cluster takes one -o, of a file")
     elif o.show == LIT:
+        refuse(len(o.output or ()) > 1, "--show lit takes one -o")
         only("--show lit", "show", "output", "size", "crop", "square_pixels", "device", "precision")
 
 
@@ -221,18 +178,14 @@ def _check_show(o: Options, refuse: Callable[[object, str], None]) -> None:
         refuse(unknown, f"--check does not go with --{name}, which the reference has not")
 
 
-def _check_many(o: Options, refuse: Callable[[object, str], None], single: str | None, of_orbit: str | None) -> None:
-    """Refuses options that do not go with many pictures, or with each other.
-
-    single: an option that goes with one picture only; of_orbit: one that goes with --orbit only.
-    """
+def _check_many(o: Options, refuse: Callable[[object, str], None], single: str | None) -> None:
+    """Refuses options that do not go with many pictures. single: an option that goes with one picture only."""
     from cltrace.movie.frames import MOVIES
 
     refuse(o.output and len(o.output) > 1, "-o is given once where there are many pictures")
     output = o.output[0] if o.output else None
     single = single or ("--show lit" if o.show == LIT else "-o -" if output == "-" else None)
     refuse(single, f"{single} is for one picture, of one scene")
-    refuse(o.orbit is None and of_orbit, f"{of_orbit} goes with --orbit")
     alone = o.frames is not None and o.orbit is None and len(o.scenes) == 1
     refuse(alone, "--frames goes with --orbit, or with several scenes")
     one_file = o.orbit is not None and output is not None and Path(output).suffix.lower() in MOVIES
@@ -278,21 +231,40 @@ def parser(whole: bool = True) -> argparse.ArgumentParser:
     usual("--transparent", action="store_true", help="nothing instead of the background: a PNG with alpha")
     usual("--antialias", action="store_true", help="colours are means over pixels")
     rare("--samples", type=int, choices=LATTICES, metavar="N", help="rays of --antialias (default: 32)")
-    rare("--outline", type=outline, metavar="COLOR,WIDTH", help="lines of WIDTH pixels around surfaces")
-    rare("--fog", type=fog, metavar="COLOR,NEAR,FAR", help="surfaces fade to a colour between these distances")
+    rare(
+        "--outline",
+        type=outline,
+        metavar="COLOR,WIDTH",
+        help="lines of WIDTH pixels around surfaces",
+    )
+    rare(
+        "--fog",
+        type=fog,
+        metavar="COLOR,NEAR,FAR",
+        help="surfaces fade to a colour between these distances",
+    )
     usual("--truncate", action="store_true", help="bytes are trunc(255 c), as in the course's own pictures")
     more = "another limit: of lights, spheres, rays, instances and more"
     rare("--limit", type=limit, action="append", default=[], metavar="NAME=VALUE", help=more)
 
     usual = group("many pictures")
-    usual(
-        "--orbit", type=several, metavar="N", help="N frames around the scene: -o frame%%04d.png, .mp4, .gif or .apng"
-    )
+    around = "N frames around the scene: -o frame%%04d.png, .mp4, .gif or .apng"
+    usual("--orbit", type=several, metavar="N", help=around)
     rare("--axis", type=axis, metavar="x|y|z|X,Y,Z", help="of --orbit (default: the camera's up)")
-    rare("--degrees", type=degrees, metavar="A", help="of --orbit (default: 360)")
+    rare(
+        "--degrees",
+        type=degrees,
+        metavar="A",
+        help="of --orbit (default: 360)",
+    )
     picked = "only these of the frames, or of the scenes, from 0 on, B excluded; or one number"
     rare("--frames", type=frames, metavar="A:B:S", help=picked)
-    rare("--fps", type=fps, metavar="F", help="frames a second of a movie (default: 25)")
+    rare(
+        "--fps",
+        type=fps,
+        metavar="F",
+        help="frames a second of a movie (default: 25)",
+    )
     rare("--skip-existing", action="store_true", help="keep PNGs that are there and show what they should")
     rare("--view", action="store_true", help="in the browser; the same as cltrace view")
     rare("--watch", action="store_true", help="do it again when the scene, a mesh or a texture is saved")
@@ -305,8 +277,6 @@ def parser(whole: bool = True) -> argparse.ArgumentParser:
     rare("--width", type=int, choices=WIDTHS, metavar="N", help=widths)
     usual("--list-devices", action="store_true", help="list the devices and stop")
     usual("--doctor", action="store_true", help="check the installation and each device, and stop")
-    report = "of --doctor: a text file to send, with limits, checks and times (default: cltrace-report.txt)"
-    rare("--report", nargs="?", const="cltrace-report.txt", metavar="FILE", help=report)
 
     usual = group("many machines")
     scheduler = "draw on a dask cluster: its scheduler's address or file, or local:N for N processes here"
@@ -320,11 +290,15 @@ def parser(whole: bool = True) -> argparse.ArgumentParser:
     usual("--explain", type=pixel, metavar="X,Y", help=why)
     rare("--trace", action="store_true", help="with --explain: its numbers as a table, for diff")
     usual("--compare", metavar="MINE.png", help="say how a picture differs, and why; exit 1 if it does")
-    rare("--tolerance", type=levels, metavar="N", help="with --compare: levels that are the same (default 1)")
+    rare(
+        "--tolerance",
+        type=levels,
+        metavar="N",
+        help="with --compare: levels that are the same (default 1)",
+    )
     rare("--json", action="store_true", help="with --explain and --compare: one JSON object")
     text_or_json = {"const": "text", "type": form, "choices": ("text", "json"), "metavar": "text|json"}
     usual("--stats", nargs="?", **text_or_json, help="times and counts")
-    rare("--repeat", type=repeats, default=1, metavar="N", help="render N times, report the fastest")
 
     usual = group("messages")
     usual("-q", "--quiet", action="store_true", help="only errors")
@@ -375,59 +349,43 @@ def pixel(text: str) -> tuple[int, int]:
     return x, y
 
 
-def levels(text: str) -> int:
-    """N of --tolerance."""
-    return int(_number(text if text.isdecimal() else "", "a whole number of levels within 0..255", 0, 255, text))
-
-
-def several(text: str) -> int:
-    """N of --orbit, which has as many digits as a frame's number."""
-    return int(_number(text if text.isdecimal() else "", "a whole number within 1..999999", 1, 999_999, text))
-
-
-def degrees(text: str) -> float:
-    """A of --degrees."""
-    return _number(text, "degrees, such as 360 or -90", -1e6, 1e6)
-
-
-def fps(text: str) -> float:
-    """F of --fps."""
-    return _number(text, "frames a second, within 0.001..1000", 0.001, 1000)
-
-
-def _number(text: str, what: str, least: float, most: float, said: str | None = None) -> float:
-    """A number within limits. said: what the message quotes, if that is another text."""
+def number(what: str, least: float, most: float, text: str) -> float:
+    """A number within limits, such as that of --degrees."""
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not least <= value <= most:
-        raise ArgumentTypeError(f"must be {what}, got {text if said is None else said!r}")
+        raise ArgumentTypeError(f"must be {what}, got {text!r}")
     return value
 
 
-def outline(text: str) -> tuple[str, float]:
-    """COLOR,WIDTH of --outline."""
-    color, (width,) = _effect("outline", text, 1)
-    return color, width
+def whole_number(what: str, least: int, most: int, text: str) -> int:
+    """One without a sign, such as that of --tolerance."""
+    if not re.fullmatch("[0-9]{1,9}", text) or not least <= int(text) <= most:
+        raise ArgumentTypeError(f"must be {what} within {least}..{most}, got {text!r}")
+    return int(text)
 
 
-def fog(text: str) -> tuple[str, float, float]:
-    """COLOR,NEAR,FAR of --fog."""
-    color, (near, far) = _effect("fog", text, 2)
-    return color, near, far
+levels = partial(whole_number, "a whole number of levels", 0, 255)
+several = partial(whole_number, "a whole number", 1, 999_999)
+degrees = partial(number, "degrees, such as 360 or -90", -1e6, 1e6)
+fps = partial(number, "frames a second, within 0.001..1000", 0.001, 1000)
 
 
-def _effect(name: str, text: str, numbers: int) -> tuple[str, list[float]]:
-    """A colour and so many numbers; the commas of rgb() do not count."""
+def effect(name: str, numbers: int, text: str) -> tuple[Any, ...]:
+    """COLOR,WIDTH of --outline and COLOR,NEAR,FAR of --fog; the commas of rgb() do not count."""
     color, *parts = text.rsplit(",", numbers)
     try:
-        found = [float(part) for part in parts]
-        Effects.of(**{"outline": None, "fog": None, name: (color, *found)}, transfer="linear")
+        found = (color, *map(float, parts))
+        Effects.of(**{"outline": None, "fog": None, name: found}, transfer="linear")
     except ValueError as error:
         fault = str(error).removeprefix(f"{name}: ")
         raise ArgumentTypeError(f"{fault}, got {text!r}" if "got" not in fault else fault) from None
-    return color, found
+    return found
+
+
+outline, fog = partial(effect, "outline", 1), partial(effect, "fog", 2)
 
 
 def outputs(text: str) -> list[Output]:
@@ -441,25 +399,18 @@ def outputs(text: str) -> list[Output]:
 
 def limit(text: str) -> str:
     """NAME=VALUE of --limit, which is in force already: entry.py has set it."""
-    try:
+    with refusing(kind=ArgumentTypeError):
         name, value = limits.limit_of(text)
-    except ValueError as error:
-        raise ArgumentTypeError(str(error)) from None
     if limits.current(name) != value:
         raise ArgumentTypeError(f"must be written out, and one for each name, got {text!r}")
     return text
 
 
-def repeats(text: str) -> int:
-    """N of --repeat."""
-    if text.endswith(".xml"):
-        raise ArgumentTypeError(f"put the scene first, or say --check=N; {text!r} is not a number")
-    return positive(text)
-
-
 def count(text: str) -> str | int:
     """N, all or default of --check."""
-    return text if text in ("all", "default") else repeats(text)
+    if text.endswith(".xml"):
+        raise ArgumentTypeError(f"put the scene first, or say --check=N; {text!r} is not a number")
+    return text if text in ("all", "default") else positive(text)
 
 
 def form(text: str) -> str:
@@ -484,7 +435,6 @@ def frames(text: str) -> slice:
     """A:B:S of --frames."""
     from cltrace.movie.frames import range_of
 
-    try:
-        return range_of(text)
-    except ValueError as error:
-        raise ArgumentTypeError(str(error)) from None
+    with refusing(kind=ArgumentTypeError):
+        picked = range_of(text)
+    return picked

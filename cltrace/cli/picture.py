@@ -16,7 +16,7 @@ from cltrace.base.arrays import physical_memory
 from cltrace.base.errors import UsageError
 from cltrace.base.waiting import SLOW, Announcement
 from cltrace.cli.files import Reporter, scene_of, suffix_of, targets_of, write, write_rows
-from cltrace.cli.options import Options
+from cltrace.cli.options import Options, refusing
 from cltrace.picture.image import USUAL, Image, Output, Show
 from cltrace.picture.palettes import FAR, NEAR, depth_range
 from cltrace.picture.storing import BY_ROWS, CHANNELS
@@ -24,6 +24,8 @@ from cltrace.process.console import tell
 from cltrace.renderers.renderer import Renderer, strips
 from cltrace.run.devices import choose
 from cltrace.scene import Scene
+
+NUMBERS = {".npy", ".npz", ".exr"}  # formats that have depths themselves, not greys
 
 
 def draw(options: Options, reporter: Reporter) -> int:
@@ -33,14 +35,14 @@ def draw(options: Options, reporter: Reporter) -> int:
     read_seconds = time.perf_counter() - started
     files = Files.of(scene, options)
     checked: tuple[Output, ...] = () if options.check is None else ("rgb8", "id")
-    renderer = _renderer(scene, options, (*files.needed, *checked, *options.scale))
+    renderer = _renderer(scene, options, (*files.needed, *checked))
     start, axes = time.perf_counter(), options.axes(scene.camera)
-    if files.by_rows and options.check is None and options.repeat == 1:
+    if files.by_rows and options.check is None:
         image = files.write_strips(renderer, axes, reporter.progress)
         start += image.frame_seconds
     else:
         _check_memory(renderer)
-        image = _fastest(renderer, options.repeat, reporter.progress)
+        image = renderer.render(progress=reporter.progress)
         start = time.perf_counter()
         files.write(image, axes)
     now = time.perf_counter()
@@ -49,7 +51,7 @@ def draw(options: Options, reporter: Reporter) -> int:
         width, height = renderer.region[2:]
         how = f"{renderer.precision} precision, on {renderer.device.name}"
         reporter.say(f"cltrace: wrote {', '.join(written)}, {width}x{height}, {how}")
-    if options.scale and not {".npy", ".exr"}.issuperset(map(suffix_of, files.targets)):
+    if options.show == "depth" and not NUMBERS.issuperset(map(suffix_of, files.targets)):
         reporter.say(f"cltrace: depth: {_depth_scale(image)}")
     if options.stats:
         show_statistics(statistics(renderer, image), options.stats)
@@ -129,11 +131,9 @@ class Files:
 def _renderer(scene: Scene, options: Options, outputs: tuple[Output, ...]) -> Renderer:
     """What draws the outputs of a scene. Raises UsageError for options that make no sense."""
     many = f"{len(scene.columns):,} spheres and {scene.triangles:,} triangles"
-    try:
-        with Announcement(f"preparing {many} ...", SLOW):
-            return Renderer(scene, choose(options.device), **options.renderer_options(outputs))
-    except ValueError as error:
-        raise UsageError(str(error)) from None
+    with refusing(), Announcement(f"preparing {many} ...", SLOW):
+        renderer = Renderer(scene, choose(options.device), **options.renderer_options(outputs))
+    return renderer
 
 
 def _check_memory(renderer: Renderer) -> None:
@@ -142,18 +142,8 @@ def _check_memory(renderer: Renderer) -> None:
     size, memory = width * height * renderer.bytes_a_pixel, physical_memory()
     if size > memory:
         taken = f"{width}x{height} would take {size / 1e9:.3g} GB at once, of {memory / 1e9:.3g} GB"
-        rows = f"only {', '.join(BY_ROWS)} are written by rows, without --check, --repeat and --show depth"
+        rows = f"only {', '.join(BY_ROWS)} are written by rows, without --check and --show depth"
         raise UsageError(f"{taken}; {rows}; or draw a part of it with --crop")
-
-
-def _fastest(renderer: Renderer, repeat: int, progress: bool | None) -> Image:
-    """The picture, with the seconds of the fastest of so many frames. progress: as of Renderer.render()."""
-    image = best = renderer.render(progress=progress)
-    for _ in range(repeat - 1):
-        image = renderer.render(image, progress)
-        if image.frame_seconds < best.frame_seconds:
-            best = image
-    return best
 
 
 def _check(renderer: Renderer, image: Image, options: Options, reporter: Reporter) -> int:
@@ -164,10 +154,9 @@ def _check(renderer: Renderer, image: Image, options: Options, reporter: Reporte
     every = {"all": width * height, "default": None}
     pixels = every[options.check] if isinstance(options.check, str) else options.check
     how: dict[str, Any] = {"origin": (x, y), "truncate": options.truncate, "progress": reporter.progress}
-    try:
+    # The reference traces what the kernel proves to be too faint, and has the same ceiling.
+    with refusing("--check: "):
         report = check(renderer.scene, image, renderer.precision, pixels, **how)
-    except ValueError as error:  # the reference traces what the kernel proves to be too faint, and has the same ceiling
-        raise UsageError(f"--check: {error}") from None
     (reporter.say if report.ok else tell)(f"cltrace: {report}")
     return 0 if report.ok else 1
 
@@ -210,16 +199,9 @@ def show_statistics(stats: dict[str, Any], form: str) -> None:
     if form == "json":
         print(json.dumps(stats), flush=True)
         return
-    tell(f"device     {stats['device']}")
-    tell(f"precision  {stats['precision']}")
-    more = "".join(f", {stats[name]} {name}" for name in ("triangles", "cylinders") if stats[name])
-    tell(f"size       {stats['size'][0]}x{stats['size'][1]}, {stats['spheres']} spheres{more}")
-    tell(f"features   {' '.join(stats['features'])}")
-    for name, value in stats["seconds"].items():
-        tell(f"{name:<10} {value * 1e3:10.2f} ms")
-    for name, value in stats["rays"].items():
-        tell(f"rays       {value:10d} {name}")
-    for name, value in stats["work"].items():
-        tell(f"work       {value:10d} {name}")
-    for name, value in stats["skipped"].items():
-        tell(f"skipped    {value:10d} {name}")
+    for name, value in stats.items():
+        if isinstance(value, dict):
+            for what, number in value.items():
+                tell(f"{name:<10} {number:12.6g} {what}")
+        else:
+            tell(f"{name:<10} {' '.join(map(str, value)) if isinstance(value, list) else value}")

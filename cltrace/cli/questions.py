@@ -8,8 +8,8 @@ from typing import Any
 
 from cltrace.base.errors import UsageError
 from cltrace.base.waiting import SLOW, Announcement
-from cltrace.cli.files import Reporter, scene_of, target_of, write
-from cltrace.cli.options import Options
+from cltrace.cli.files import Reporter, scene_of, targets_of, write
+from cltrace.cli.options import Options, refusing
 from cltrace.picture.image import Image
 from cltrace.picture.palettes import MAX_LIGHTS
 from cltrace.run.devices import choose
@@ -38,7 +38,7 @@ def explain(options: Options, reporter: Reporter) -> int:
 def compare(options: Options, reporter: Reporter) -> int:
     """Prints how a picture differs from the right one, and why. Returns 0 if it does not, and 1 if it does."""
     scene = scene_of(options.scenes[0], options, reporter)
-    target = None if options.output is None else target_of(scene, options, "--compare")
+    target = None if options.output is None else targets_of(scene, options, (".png",))[0]
     if sys.stdout is None:
         raise UsageError("stdout is closed")
     if target == "-" and options.json:
@@ -47,10 +47,8 @@ def compare(options: Options, reporter: Reporter) -> int:
 
     tolerance = 1 if options.tolerance is None else options.tolerance
     how: dict[str, Any] = {name: getattr(options, name) for name in ("precision", "truncate", "antialias")}
-    try:
+    with refusing():
         result = comparison_of(scene, options.compare or "", tolerance=tolerance, device=choose(options.device), **how)
-    except ValueError as error:
-        raise UsageError(str(error)) from None
     if target is not None:
         write(Image(rgb8=result.side_by_side()), target, "color")
     (reporter.say if target == "-" else print)(result.to_json() if options.json else str(result))
@@ -60,17 +58,15 @@ def compare(options: Options, reporter: Reporter) -> int:
 def show_lit(options: Options, reporter: Reporter) -> int:
     """Writes a picture of which lights reach which pixels, and says what its colours are."""
     scene = scene_of(options.scenes[0], options, reporter)
-    target = target_of(scene, options, "--show lit")
+    (target,) = targets_of(scene, options, (".png",))
     count = int((scene.lights["kind"] != AMBIENT).sum())
     if count > MAX_LIGHTS:
         raise UsageError(f"--show lit tells {MAX_LIGHTS} lights apart, and the scene has {count}")
     from cltrace.students.lit import lighting
 
     device = choose(options.device)
-    try:
+    with refusing():
         found = lighting(scene, device, options.precision, options.crop)
-    except ValueError as error:
-        raise UsageError(str(error)) from None
     colors = found.as_rgb8()
     write(Image(rgb8=colors), target, "color")
     if target != "-":

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
-from cltrace.base.errors import CltraceError, UsageError
+from cltrace.base.errors import CltraceError
 from cltrace.cli.command import changes
 from cltrace.cli.files import Reporter, scene_of
 from cltrace.cli.many import draw_many, orbit_of
-from cltrace.cli.options import Options
+from cltrace.cli.options import Options, refusing
 from cltrace.movie.animate import FPS
 from cltrace.process.console import tell
 from cltrace.run.devices import choose
@@ -39,10 +39,8 @@ def view(options: Options, reporter: Reporter) -> int:
     if options.compare is not None:  # as --compare alone does
         own: dict[str, Any] = {"truncate": options.truncate, "antialias": options.antialias}
         comparison = partial(compare, picture=options.compare, device=device, precision=options.precision, **own)
-    try:
+    with refusing():
         stage = Stage(scene, device, options=how, samples=options.samples, compare=comparison, film=film)
-    except ValueError as error:
-        raise UsageError(str(error)) from None
 
     def follow(turns: Iterator[None]) -> None:
         """Shows what is saved; what is wrong with it is told here, too."""

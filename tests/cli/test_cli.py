@@ -107,7 +107,7 @@ def test_what_is_not_computed_is_not_counted(tmp_path: Path) -> None:
 
 
 def test_stats_json_is_one_object_on_stdout(tmp_path: Path) -> None:
-    done = call(FIRST, "--stats=json", "--repeat", 3, cwd=tmp_path)
+    done = call(FIRST, "--stats=json", cwd=tmp_path)
     stats = json.loads(done.stdout)
     assert done.stdout.count(b"\n") == 1
     assert set(stats) == {
@@ -186,7 +186,6 @@ def test_no_driver_gives_advice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
             "--crop: must be X0,Y0,X1,Y1 without a sign, such as 0,0,64,64, got",
         ),
         (["{scene}", "--precision", "half"], "argument --precision: invalid choice: 'half'"),
-        (["{scene}", "--repeat", "-5"], "argument --repeat: must be a whole number >= 1, got '-5';"),
         (["{scene}", "--check=few"], "argument --check: must be a whole number >= 1, got 'few';"),
         (["--check", "{scene}"], "argument --check: put the scene first, or say --check=N; "),
         (["{scene}", "--frobnicate"], "unrecognized arguments: --frobnicate;"),
@@ -205,9 +204,7 @@ def test_no_driver_gives_advice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         (["nowhere.xml"], "nowhere.xml: "),
         (["-"], "a scene is not read from stdin: say the name of its file"),
         (["--doctor", "x.xml"], "--doctor takes no scene, got 'x.xml'"),
-        (["{scene}", "--report"], "--report goes with --doctor"),
-        (["--doctor", "--report", "scene.xml"], "--report: must end in .txt, got 'scene.xml'"),
-        (["--doctor", "--report", "-o", "x.txt"], "--doctor takes no -o"),
+        (["--doctor", "-o", "x.txt"], "--doctor takes no -o"),
         (["{scene}", "--width", "5"], "argument --width: invalid choice: 5 (choose from "),
         (["--list-devices", "-d", "gpu"], "--list-devices lists all devices, so it takes no -d; --doctor -d SPEC "),
     ],
@@ -449,7 +446,7 @@ def test_help_fits_one_screen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert len(done.stdout.splitlines()) <= 40
     assert max(map(len, done.stdout.decode().splitlines())) <= 100
     assert b"--help all shows all options." in done.stdout
-    assert b"--repeat" not in done.stdout
+    assert b"--bits" not in done.stdout
 
 
 def test_help_all_has_every_option(tmp_path: Path) -> None:

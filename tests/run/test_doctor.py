@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -15,7 +14,6 @@ import pytest
 
 import cltrace
 from cltrace.cli import doctor
-from cltrace.plan.request import PRECISIONS
 from cltrace.run import caches, devices
 from cltrace.run.devices import Device, where_drivers_are
 
@@ -224,30 +222,3 @@ def test_without_intels_driver_or_a_cache_nothing_is_set(intel: Path, tmp_path: 
     caches.ensure_vendors()
     assert os.environ["OCL_ICD_VENDORS"] == ""
     assert not (tmp_path / "cache").exists()
-
-
-@pytest.mark.slow
-def test_a_report_has_limits_checks_and_times(device: Device, tmp_path: Path) -> None:
-    told: list[str] = []
-    status = doctor.write_report(device.spec, str(tmp_path / "report.txt"), told.append)
-    lines = (tmp_path / "report.txt").read_text().splitlines()
-    assert status == 0
-    assert lines[: len(told) - 1] == told[:-1]
-    rows = {line[:30].strip(): line[31:] for line in lines[len(told) :]}
-    assert rows["max_work_group_size"] == str(device.cl.max_work_group_size)
-    assert int(rows["max_mem_alloc_size"]) > 0  # PoCL has what is free when a process begins
-    assert rows["width"] == str(device.width)
-    for name in ("spheres", "mirrors and glass", "a mesh"):
-        for precision in PRECISIONS if device.has_double else ("single",):
-            assert re.match(r"ok: .*1728 of 1728 pixels.*; build \d+ ms, frame ", rows[f"{name}, {precision}"])
-    assert rows["100,000 spheres, single"].startswith("build ")
-
-
-def test_a_report_of_a_driver_that_ends_the_process(
-    device: Device, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    died, well = (-6, "the driver ended the process with SIGABRT"), faked(device)
-    monkeypatch.setattr(doctor, "child", lambda *given, **_: died if "report" in given else well(*given))
-    assert doctor.write_report(None, str(tmp_path / "report.txt"), str) == 0
-    last = (tmp_path / "report.txt").read_text().splitlines()[-1]
-    assert last == f"device     {device.spec} FAILS: the driver ended the process with SIGABRT"
