@@ -18,11 +18,11 @@ from cltrace.base.arrays import LARGE, begins_on_page, empty
 from cltrace.base.errors import TooManyRaysError, TooSlowError
 from cltrace.base.limits import MAX_SECONDS
 from cltrace.base.waiting import Announcement, interruptible
-from cltrace.plan.abi import CONSTANTS, COUNTERS, OUTPUTS, Argument, Precision, arguments_of, dtype_of
+from cltrace.plan.abi import CONSTANTS, COUNTERS, OUTPUTS, Precision, arguments_of, dtype_of
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import WIDTHS, Region
 from cltrace.run.devices import Device, check_sizes, driver_errors
-from cltrace.run.program import BUFFER, Kernel, argument, context_of, dtypes_of, program
+from cltrace.run.program import BUFFER, Kernel, argument, context_of, program
 from cltrace.run.unstoppable import Unstoppable
 
 
@@ -123,12 +123,12 @@ class Undecided:
     two programs are made of the kernel's text. The first one has nothing of that, and marks the pixels that it leaves;
     the second one has everything, and draws those. It is compiled once there is such a pixel.
 
-    options: of the program that draws them; device: where; dtypes: of its parameters. marks: the kernels' argument
+    options: of the program that draws them; device: where; types: of its parameters. marks: the kernels' argument
     `undecided`; compiles: whether that program is being compiled.
     """
 
-    def __init__(self, queue: Any, device: Device, options: list[str], dtypes: Sequence[Any]) -> None:
-        self.queue, self._device, self._options, self._dtypes = queue, device, options, dtypes
+    def __init__(self, queue: Any, device: Device, options: list[str], types: dict[str, str]) -> None:
+        self.queue, self._device, self._options, self._types = queue, device, options, types
         self._first = np.empty(1, np.uint8)
         self._drawer: Kernel | None = None
         self.marks: Any = None
@@ -150,7 +150,7 @@ class Undecided:
         """What draws them. launch_first: has the driver compile a kernel."""
         if self._drawer is None:
             self.compiles = True
-            self._drawer = program(self._device, self._options).kernel(self._dtypes)
+            self._drawer = program(self._device, self._options).kernel("render", self._types)
             launch_first(self._drawer)
             self.compiles = False
         return self._drawer
@@ -175,12 +175,9 @@ class FrameBuffers:
 
 @dataclass(frozen=True)
 class BuiltKernel:
-    """The kernel of a plan. arguments: of abi, in their order; types: of each one; undecided: None where one program
-    draws all pixels."""
+    """The kernel of a plan. undecided: None where one program draws all pixels."""
 
     kernel: Kernel
-    arguments: list[Argument]
-    types: dict[str, str]
     undecided: Undecided | None
 
     @classmethod
@@ -194,21 +191,15 @@ class BuiltKernel:
         in_stages = is_in_stages(width, precision)
         if in_stages:
             features, options = features | {BOTH}, [*options, f"-D{BOTH}"]
-        real, arguments = "float" if precision == "single" else "double", arguments_of(features)
-        types = {a.name: a.type.replace("real", real) if a.kind == "value" else BUFFER for a in arguments}
-        dtypes = dtypes_of(types.values())
-        undecided = Undecided(queue, device, options, dtypes) if in_stages else None
-        kernel = program(device, [*options, f"-D{FIRST}"] if in_stages else options).kernel(dtypes)
-        return cls(kernel, arguments, types, undecided)
-
-    def value(self, name: str, value: Any) -> Any:
-        """An argument that is no buffer."""
-        return argument(self.types[name], value[()] if isinstance(value, np.ndarray) else value)
+        real = "float" if precision == "single" else "double"
+        types = {a.name: a.type.replace("real", real) if a.kind == "value" else BUFFER for a in arguments_of(features)}
+        kernel = program(device, [*options, f"-D{FIRST}"] if in_stages else options).kernel("render", types)
+        return cls(kernel, Undecided(queue, device, options, types) if in_stages else None)
 
     def values(self, plan: Plan) -> dict[str, Any]:
-        """Those of a plan."""
-        there = [a.name for a in self.arguments if a.kind == "value" and a.name in plan.values]
-        return {name: self.value(name, plan.values[name]) for name in there}
+        """Arguments of a plan that are no buffers."""
+        types = self.kernel.types
+        return {name: argument(types[name], value) for name, value in plan.values.items() if name in types}
 
 
 @dataclass(eq=False)
@@ -455,11 +446,9 @@ class Executor:
 
     def _launch_first(self, kernel: Kernel) -> None:
         """Has PoCL generate the code, by a launch that returns at once, of the same local size as others."""
-        x, y, _, _ = self.region
-        small = self.part((x, y, 1, 1))
-        kernel.launch_first(
-            self.packet.group, lambda: small._launch(kernel, small.frame(), (0, 0, 0, 0), row=0, rows=1)
-        )
+        if self.packet.group not in kernel.launched:
+            small = self.part((*self.region[:2], 1, 1))
+            small._launch(kernel, small.frame(), (0, 0, 0, 0), row=0, rows=1)
 
     def _render(self, frame: FrameBuffers, region: Region, row: int, rows: int) -> None:
         """Starts the kernel for `rows` rows of a region from `row` on, and what draws the pixels that it leaves."""
@@ -543,11 +532,7 @@ class Executor:
         of_launch |= {"proved": proved, "started": int(self.started)}
         # An output that nobody asked for is never written, but must be some buffer.
         outputs = {name: frame.buffers.get(name, self.buffers["power"]) for name in OUTPUTS}
-        buffers = self.buffers | outputs | {name: frame.buffers[name] for name in frame.buffers.keys() - OUTPUTS}
-        values = self.values | {
-            a.name: self.built.value(a.name, of_launch[a.name]) for a in self.built.arguments if a.name in of_launch
-        }
-        arguments = (values[a.name] if a.kind == "value" else buffers[a.name] for a in self.built.arguments)
+        arguments = self.values | of_launch | self.buffers | outputs | frame.buffers
         return kernel.start(self.queue, grid, self.packet.group, arguments)
 
 

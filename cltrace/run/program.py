@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import operator
 import re
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from functools import cache, lru_cache
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -94,42 +93,46 @@ def source(files: tuple[str, ...] = SOURCES) -> str:
 class Kernel:
     """A kernel of a program. Several threads may start it.
 
-    dtypes: of its parameters, None of buffers. Without them pyopencl finds out by exceptions which arguments are
-    numbers: that took 0.09 of the 0.33 ms of a thumbnail's frame.
+    types: those of its parameters by name, in their order; launched: the groups for which it has been compiled.
     """
 
-    def __init__(self, made: Any, name: str, dtypes: Sequence[Any]) -> None:
-        self._made, self._lock, self._launched = cl.Kernel(made, name), threading.Lock(), set[object]()
-        self._made.set_arg_types(dtypes)
+    def __init__(self, made: Any, name: str, types: Mapping[str, str]) -> None:
+        self.types = types
+        self._made, self._lock, self.launched = cl.Kernel(made, name), threading.Lock(), set[object]()
+        # Without types pyopencl finds out by exceptions which arguments are numbers: that took 0.09 of the 0.33 ms of a
+        # thumbnail's frame. Of structs it needs only that they are some.
+        known = {BUFFER: None} | {type_: np.dtype(getattr(cl.cltypes, type_)) for type_ in NUMBERS}
+        self._made.set_arg_types([known.get(t, getattr(cl.cltypes, t, np.dtype("V"))) for t in types.values()])
 
-    def start(self, queue: Any, grid: tuple[int, ...], group: tuple[int, ...], arguments: Iterable[Any]) -> Any:
-        """Starts it, and returns its event."""
-        with self._lock:  # the arguments are the kernel's until it has been started
-            return self._made(queue, grid, group, *arguments)
+    def start(self, queue: Any, grid: tuple[int, ...], group: tuple[int, ...], arguments: Mapping[str, Any]) -> Any:
+        """Starts it, and returns its event. arguments: by the names of the parameters; there may be others.
 
-    def launch_first(self, group: object, launch: Callable[[], Any]) -> bool:
-        """Launches it and waits for its event, if that was not done before; returns whether it did.
-
-        PoCL compiles in the first launch of each local size, group, and signals are heard meanwhile.
+        PoCL compiles in the first launch of each local size, group: signals are heard until that one is done.
         """
-        if group in self._launched:
-            return False
-        aside(lambda: launch().wait())
-        self._launched.add(group)
-        return True
+        values = [argument(type_, arguments[name]) for name, type_ in self.types.items()]
+
+        def launch() -> Any:
+            with self._lock:  # the arguments are the kernel's until it has been started
+                return self._made(queue, grid, group, *values)
+
+        if group in self.launched:
+            return launch()
+        event = aside(launch)
+        aside(event.wait)
+        self.launched.add(group)
+        return event
 
 
 class Program:
-    """A program for one device."""
+    """A program for one device. kernel() gives the same kernel each time."""
 
     def __init__(self, made: Any) -> None:
         self.made = made
         self._kernels: dict[str, Kernel] = {}
 
-    def kernel(self, dtypes: Sequence[Any], name: str = "render") -> Kernel:
-        """A kernel of this program, the same one each time."""
+    def kernel(self, name: str, types: Mapping[str, str]) -> Kernel:
         if name not in self._kernels:
-            self._kernels[name] = Kernel(self.made, name, dtypes)
+            self._kernels[name] = Kernel(self.made, name, types)
         return self._kernels[name]
 
 
@@ -165,7 +168,7 @@ def _program(device: cl.Device, options: tuple[str, ...], files: tuple[str, ...]
 ENTRY_POINT = re.compile(r"^__kernel\s+void\s+(\w+)\(([^()]*)\)", re.MULTILINE)
 # In place of the type of a parameter that is a buffer.
 BUFFER = "*"
-SCALARS = {"int": "i4", "uint": "u4", "long": "i8", "ulong": "u8", "float": "f4", "double": "f8"}
+NUMBERS = ("int", "uint", "long", "ulong", "float", "double")
 
 
 def parameters_of(text: str, macros: Mapping[str, str] | None = None) -> dict[str, dict[str, str]]:
@@ -183,63 +186,7 @@ def parameters_of(text: str, macros: Mapping[str, str] | None = None) -> dict[st
 
 
 def argument(type_: str, value: Any) -> Any:
-    """A value as pyopencl passes it where a kernel has this type: a buffer, a number, a vector or a struct.
-
-    Of four numbers the last may be missing, which is then 0. Raises TypeError or OverflowError for another value.
-    """
-    scalar, width = re.fullmatch(r"(\*|\w*?[a-z_])(\d*)", type_).groups()  # type: ignore[union-attr]
-    if scalar == BUFFER:
-        if not isinstance(value, cl.Buffer):
-            raise TypeError(f"must be a buffer, got {value!r}")
+    """Some numbers as the vector of this type, of which the last may be missing and is then 0. All else as it is."""
+    if not isinstance(value, (tuple, list, np.ndarray)):
         return value
-    if scalar not in SCALARS:
-        if not isinstance(value, np.void):
-            raise TypeError(f"must be a {type_}, got {value!r}")
-        return value
-    if isinstance(value, cl.Buffer):
-        raise TypeError(f"must be {type_}, got a buffer")
-    exact: Callable[[Any], float] = float if scalar in ("float", "double") else operator.index
-    if not width:
-        return np.dtype(SCALARS[scalar]).type(exact(value))
-    numbers = [exact(number) for number in np.asarray(value).tolist()]
-    if len(numbers) not in (int(width), *((3,) if width == "4" else ())):
-        raise TypeError(f"must be {width} numbers, got {value!r}")
-    return np.array((*numbers, 0)[: int(width)], getattr(cl.cltypes, type_))[()]
-
-
-def dtypes_of(types: Iterable[str]) -> list[Any]:
-    """Those of parameters that have these types, None of buffers. Of structs only that they are some."""
-    known = {BUFFER: None} | {name: np.dtype(number) for name, number in SCALARS.items()}
-    return [known[type_] if type_ in known else getattr(cl.cltypes, type_, np.dtype("V")) for type_ in types]
-
-
-class NamedKernel:
-    """A kernel of a program whose arguments have names. Several threads may start it.
-
-    parameters: of parameters_of().
-    """
-
-    def __init__(self, program: Program, name: str, parameters: dict[str, str]) -> None:
-        self._kernel = program.kernel(dtypes_of(parameters.values()), name)
-        self.parameters, self._name = parameters, name
-
-    def start(self, queue: Any, items: int, group: int, arguments: Mapping[str, Any]) -> None:
-        """Starts so many work-items, in groups.
-
-        Raises TypeError for an argument that is missing, that the kernel has not, or that is of another type.
-        """
-        if arguments.keys() != self.parameters.keys():
-            wrong = ", ".join(sorted(arguments.keys() ^ self.parameters.keys()))
-            raise TypeError(f"{self._name}: missing or unknown: {wrong}")
-        values = []
-        for name, type_ in self.parameters.items():
-            try:
-                values.append(argument(type_, arguments[name]))
-            except (TypeError, OverflowError) as error:
-                raise TypeError(f"{self._name}: {name}: {error}") from None
-
-        def launch() -> Any:
-            return self._kernel.start(queue, (items,), (group,), values)
-
-        if not self._kernel.launch_first(group, launch):
-            launch()
+    return np.array((*value, 0)[: int(type_[-1])], getattr(cl.cltypes, type_))[()]

@@ -19,7 +19,7 @@ from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array, Ints
 from cltrace.plan.world import SHAPES
 from cltrace.run.devices import Device, check_sizes, driver_errors
-from cltrace.run.program import BUFFER, SOURCES, NamedKernel, context_of, program
+from cltrace.run.program import BUFFER, SOURCES, Kernel, context_of, program
 from cltrace.scene import Scene
 
 FILES = (*SOURCES[: SOURCES.index("find/tree.cl") + 1], "rays.cl")
@@ -111,11 +111,11 @@ class RayTracer:
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
         return cl.Buffer(self._queue.context, flags, hostbuf=np.ascontiguousarray(array))
 
-    def _built(self, whole: str) -> NamedKernel:
+    def _built(self, whole: str) -> Kernel:
         """The kernel; whole: "WITH_WHOLE" for that which has whole numbers, else ""."""
         flags = ["-DW=1", "-DRUN=1", *(f"-D{flag}" for flag in self.device.flags)]
         options = opencl.options("accurate", self._features | ({whole} if whole else set()))
-        return NamedKernel(program(self.device, [*flags, *options], FILES), "trace_rays", self._parameters)
+        return program(self.device, [*flags, *options], FILES).kernel("trace_rays", self._parameters)
 
     def trace(self, *rays: Array) -> Found:
         """Origins and directions, (n, 3), in the world, none 0 nor of an extreme length, t_min and t_max, (n,)."""
@@ -142,7 +142,7 @@ class RayTracer:
         ray = np.repeat(undecided, kept.sum(axis=1))
         return Found(index, t, undecided, ray, candidate[kept], undecided[count[undecided] < 0])
 
-    def _trace(self, kernel: NamedKernel, *rays: Array) -> dict[str, NDArray[Any]]:
+    def _trace(self, kernel: Kernel, *rays: Array) -> dict[str, NDArray[Any]]:
         """One launch: its results, of which the candidates are those of undecided rays alone."""
         n, cpu = len(rays[0]), self.device.kind == "cpu"
         run, group = (RUN, 1) if cpu else (1, 64)
@@ -152,7 +152,7 @@ class RayTracer:
         sizes = {name: n * width * np.dtype(type_).itemsize for name, (width, type_) in RESULTS.items()}
         made = {name: cl.Buffer(context, write, size) for name, size in sizes.items()}
         own = given | made | {"undecided": cl.Buffer(context, write, 1 + items), "rays": n, "run": run}
-        kernel.start(self._queue, items, group, self._arguments | own)
+        kernel.start(self._queue, (items,), (group,), self._arguments | own)
         results = {name: np.empty(n, RESULTS[name][1]) for name in ("met", "t", "open")}
         for name, array in results.items():
             cl.enqueue_copy(self._queue, array, made[name])

@@ -15,7 +15,7 @@ from cltrace.plan import opencl
 from cltrace.plan.lights import are_at_points
 from cltrace.plan.plan import Plan
 from cltrace.run.devices import Device
-from cltrace.run.program import UNSTOPPABLE, NamedKernel, parameters_of, program, source
+from cltrace.run.program import UNSTOPPABLE, Kernel, parameters_of, program, source
 
 # It takes as long as it saves in six pixels for each entry of the lists: 15 to 30 ms of a processor's time for 100,000
 # triangles, of which each frame then takes 10 to 14 less (PoCL 3.1, 1920x1080). Nobody knows how many frames there
@@ -119,7 +119,7 @@ class Unstoppable:
         if not everywhere:  # what is in the tiles' lists
             of_tiles = {"cells": grids[1]["cells"][2], "spheres": first, "asked": asked, "wanted": wanted}
             lists = {name: buffers[name] for name in ("start", "entry")}
-            kernels["find_listed"].start(queue, ITEMS, 1, of_tiles | lists)
+            kernels["find_listed"].start(queue, (ITEMS,), (1,), of_tiles | lists)
         common = {name: values[name] for name in ("right", "up", "back")}
         common |= {"eye": (*values["eye"][:3], not everywhere and "WITH_PARALLEL_RAYS" not in flags)}
         common |= {"unit": values["unit"], "spheres": first, "wanted": wanted, "facet": buffers["light_facet"]}
@@ -129,15 +129,14 @@ class Unstoppable:
             of_light = {"place": self._plan.arrays["lamp"][light, :3], "facets": 3 * m * light}
             found = {"listed": filled(m), "open": filled(m)}
             for grid in grids[begin : begin + count]:
-                kernels["find_stoppable"].start(queue, ITEMS, 1, common | of_light | found | {"grid": grid})
+                kernels["find_stoppable"].start(queue, (ITEMS,), (1,), common | of_light | found | {"grid": grid})
             known = {"triangles": m, "first": words * light, "unstoppable": bits}
-            kernels["note_unstoppable"].start(queue, ITEMS, 1, known | found)
+            kernels["note_unstoppable"].start(queue, (ITEMS,), (1,), known | found)
             queue.finish()  # so that Ctrl-C is heard
         findings.asked, findings.bits = asked, bits
 
-    def _kernels(self) -> dict[str, NamedKernel]:
+    def _kernels(self) -> dict[str, Kernel]:
         flags = (f"W={self._device.width}", *self._device.flags)
         options = [*(f"-D{flag}" for flag in flags), *opencl.options("accurate", frozenset({"WITH_TRIANGLES"}))]
         made = program(self._device, options, UNSTOPPABLE)
-        parameters = parameters_of(source(UNSTOPPABLE))
-        return {name: NamedKernel(made, name, parameters[name]) for name in parameters}
+        return {name: made.kernel(name, types) for name, types in parameters_of(source(UNSTOPPABLE)).items()}

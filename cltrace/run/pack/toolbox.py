@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cltrace.base.limits import MAX_ROWS
 from cltrace.plan import abi, opencl
 from cltrace.run.devices import Device, check_sizes
-from cltrace.run.program import NamedKernel, context_of, parameters_of, program, source
+from cltrace.run.program import Kernel, context_of, parameters_of, program, source
 
 # Of a kernel, by the names of its parameters.
 Arguments = dict[str, Any]
@@ -81,12 +81,12 @@ class Toolbox:
     def run(self, name: str, /, *, items: int = 0, **arguments: Any) -> None:
         """Starts a kernel. items: how many work-items.
 
-        The arguments have the names of the kernel's parameters, see NamedKernel. A driver may compile a kernel anew for
-        each size, so there are few of them.
+        The arguments have the names of the kernel's parameters; there may be others. A driver may compile a kernel anew
+        for each size, so there are few of them.
         """
         kernel = kernel_of(self._device, self._single, name)
         self._in_use += arguments.values()
-        kernel.start(self.queue, items or ITEMS[self.kind], GROUP[self.kind], arguments)
+        kernel.start(self.queue, (items or ITEMS[self.kind],), (GROUP[self.kind],), arguments)
 
     def room(self, count: int, dtype: Any, name: str = "spheres", again: bool = False) -> Any:
         """A buffer of so many numbers, at least one. They are undefined.
@@ -182,24 +182,16 @@ def _take_back(spare: list[NDArray[np.uint8]], memory: NDArray[np.uint8]) -> Non
 
 
 @cache
-def kernel_of(device: Device, single: bool, name: str) -> NamedKernel:
+def kernel_of(device: Device, single: bool, name: str) -> Kernel:
     """A kernel, which all toolboxes of a device share.
 
     To make one anew takes 2 ms, and a movie of moving spheres needs sixteen in each frame.
     """
-    made, parameters = _program(device, single)
-    return NamedKernel(made, name, parameters[name])
-
-
-@cache
-def _program(device: Device, single: bool) -> tuple[Any, dict[str, dict[str, str]]]:
-    """A program, and the parameters of its kernels."""
-    macros = packed_types(single)
-    values: dict[str, object] = {**macros, "W": min(device.width, WIDEST), "RUN": 1}
-    options = [f"-D{name}={value}" for name, value in values.items()]
+    types = packed_types(single)
+    values: dict[str, object] = {**types, "W": min(device.width, WIDEST), "RUN": 1}
     # The kernels compute in double, whatever precision they pack for.
-    options += opencl.options("double", frozenset())
-    return program(device, options, FILES), parameters_of(source(FILES), macros)
+    options = [*(f"-D{name}={value}" for name, value in values.items()), *opencl.options("double", frozenset())]
+    return program(device, options, FILES).kernel(name, parameters_of(source(FILES), types)[name])
 
 
 def packed_types(single: bool) -> dict[str, str]:
