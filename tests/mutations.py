@@ -120,7 +120,7 @@ MUTATIONS = {
     ),
     # ------------------------------------------------------------------------------------------------ files and viewer
     "16 bits are off by one": Python(
-        "picture.storing:levels16",
+        "picture.image:Image._levels16",
         lambda original, *more: np.maximum(original(*more), 1) - 1,
         "tests/picture/test_outputs.py -k 16_bits",
     ),

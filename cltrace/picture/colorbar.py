@@ -45,64 +45,39 @@ def colorbar(
     upright = height >= width
     length, across = (height, width) if upright else (width, height)
     marks = _ticks(scale, max(2, length // 50)) if ticks else []
-    layout = _Layout(upright, length, across, [f"{m:g}" for m in marks])
-    if layout.bar < 1:
-        raise ValueError(f"size: must have room for the numbers, {layout.margin} pixels, got {width}x{height}")
-    shares = (np.arange(layout.end - layout.begin) + 0.5) / (layout.end - layout.begin)
+    labels, font = [f"{mark:g}" for mark in marks], ImageFont.load_default(TEXT)
+    wide, high = (max((math.ceil(font.getbbox(label)[k]) for label in labels), default=0) for k in (2, 3))
+    along, margin = (high, wide) if upright else (wide, high)
+    margin = TICK + GAP + margin if labels else 0
+    # Along the bar from its low end, half a number stands out at either end; it is so many pixels broad and long.
+    begin, broad = math.ceil(along / 2), across - margin
+    long = length - 2 * begin
+    if broad < 1 or long < 1:
+        raise ValueError(f"size: must have room for the numbers, {margin} pixels, got {width}x{height}")
+    shares = (np.arange(long) + 0.5) / long
     # A bar of steps is even in values, any other one in colours.
     even = scale if scale.steps is None else replace(scale, norm=None)
     span = scale.high - scale.low
     shown = mapped(map_of(cmap), shares) if even is scale else scale.colors(scale.low + shares * span)
     colors = np.rint(shown * 255).astype(np.uint8)
-    pixels = np.zeros((height, width, 4), np.uint8)
-    pixels[..., :3] = np.rint(np.minimum(ink, 1) * 255)
-    places = even.shares(np.array(marks)).tolist() if span > 0 else [0.5] * len(marks)
-    pixels[..., 3] = layout.drawn(places)
-    if upright:
-        rows = slice(height - layout.end, height - layout.begin)
-        pixels[rows, : layout.bar, :3], pixels[rows, : layout.bar, 3] = colors[::-1, None], 255
-    else:
-        columns = slice(layout.begin, layout.end)
-        pixels[: layout.bar, columns, :3], pixels[: layout.bar, columns, 3] = colors, 255
+    page = Picture.new("L", (width, height))
+    draw, end = ImageDraw.Draw(page), broad + TICK
+    for label, share in zip(labels, even.shares(np.array(marks)) if span > 0 else [0.5] * len(marks), strict=True):
+        at = begin + min(math.floor(share * long), long - 1)
+        if upright:
+            at = length - 1 - at
+            draw.line((broad, at, end - 1, at), 255)
+            draw.text((end + GAP, at), label, 255, font, "lm")
+        else:
+            draw.line((at, broad, at, end - 1), 255)
+            draw.text((at, end + GAP), label, 255, font, "mt")
+    pixels = np.empty((height, width, 4), np.uint8)
+    pixels[..., :3], pixels[..., 3] = np.rint(np.minimum(ink, 1) * 255), np.asarray(page)
+    # A view in which the bar stands upright with its low end on top.
+    standing = pixels[::-1] if upright else pixels.swapaxes(0, 1)
+    standing[begin : begin + long, :broad, :3] = colors[:, None]
+    standing[begin : begin + long, :broad, 3] = 255
     return pixels
-
-
-class _Layout:
-    """Where the parts of a bar are. length, across: of all of it, in pixels, along the bar and across it.
-
-    begin, end: of the bar, along it, from its low end; bar: how broad it is; margin: what its numbers take across.
-    """
-
-    def __init__(self, upright: bool, length: int, across: int, labels: list[str]) -> None:
-        self.upright, self.length, self.across, self.labels = upright, length, across, labels
-        self.font = ImageFont.load_default(TEXT)
-        boxes = [self.font.getbbox(label) for label in labels]
-        wide = max((math.ceil(box[2]) for box in boxes), default=0)
-        high = max((math.ceil(box[3]) for box in boxes), default=0)
-        self.margin = TICK + GAP + (wide if upright else high) if labels else 0
-        self.bar = across - self.margin
-        # Half a number stands out at either end.
-        self.begin = math.ceil((high if upright else wide) / 2)
-        self.end = length - self.begin
-        if self.end <= self.begin:
-            self.bar = 0
-
-    def drawn(self, shares: list[float]) -> NDArray[np.uint8]:
-        """The ink of the numbers and their lines, 0..255: shares of the bar's length."""
-        size = (self.across, self.length) if self.upright else (self.length, self.across)
-        page = Picture.new("L", size)
-        draw = ImageDraw.Draw(page)
-        for label, share in zip(self.labels, shares, strict=True):
-            at = self.begin + min(math.floor(share * (self.end - self.begin)), self.end - self.begin - 1)
-            far = self.bar + TICK - 1
-            if self.upright:
-                at = self.length - 1 - at
-                draw.line((self.bar, at, far, at), 255)
-                draw.text((far + 1 + GAP, at), label, 255, self.font, "lm")
-            else:
-                draw.line((at, self.bar, at, far), 255)
-                draw.text((at, far + 1 + GAP), label, 255, self.font, "mt")
-        return np.asarray(page)
 
 
 def _ticks(scale: Scale, most: int) -> list[float]:

@@ -133,27 +133,17 @@ def _ends(id: NDArray[np.int32], depth: NDArray[np.float64]) -> NDArray[np.bool_
 
 def _widened(line: Floats, radius: float) -> Floats:
     """The largest number within a disc around each place, which has this radius in places."""
-    wide, out, reached = line.copy(), np.zeros_like(line), 0
-    for down in range(int(radius), -1, -1):
+    (height, width), most = line.shape, int(radius)
+    padded, wide = np.pad(line, most), np.pad(line, ((most, most), (0, 0)))
+    out, reached = np.zeros_like(line), 0
+    for down in range(most, -1, -1):
         while reached < math.isqrt(int(radius * radius - down * down)):
             reached += 1
-            for across in (reached, -reached):
-                _raise(wide, line, 0, across)
-        for there in {down, -down}:
-            _raise(out, wide, there, 0)
+            for across in (most - reached, most + reached):
+                np.maximum(wide, padded[:, across : across + width], out=wide)
+        for start in {most - down, most + down}:
+            np.maximum(out, wide[start : start + height], out=out)
     return out
-
-
-def _raise(out: Floats, by: Floats, down: int, across: int) -> None:
-    """Raises numbers to those of another array that is moved by so many rows and columns."""
-    (to_y, from_y), (to_x, from_x) = _moved(down), _moved(across)
-    np.maximum(out[to_y, to_x], by[from_y, from_x], out=out[to_y, to_x])
-
-
-def _moved(by: int) -> tuple[slice, slice]:
-    if by >= 0:
-        return slice(by, None), slice(None, -by or None)
-    return slice(None, by), slice(-by, None)
 
 
 def _means(values: Floats, samples: int) -> Floats:

@@ -15,18 +15,8 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from cltrace.base.arrays import by_rows
 from cltrace.picture import palettes
 from cltrace.picture.files import is_named_as_folder, whole_file
-from cltrace.picture.storing import (
-    CHANNELS,
-    FORMATS,
-    SIZED,
-    Writer,
-    check_format,
-    levels16,
-    write_npz,
-    write_pillow,
-    writer,
-)
-from cltrace.scene.colors import Transfer
+from cltrace.picture.storing import CHANNELS, FORMATS, SIZED, Writer, check_format, write_pillow, writer
+from cltrace.scene.colors import Transfer, encoded
 
 Output = Literal[
     "rgb8",
@@ -262,24 +252,10 @@ class Image:
             self.write(file, target.suffix.lower(), show, axes, bits=bits, outputs=outputs, dpi=dpi)
 
     def write(
-        self,
-        file: BinaryIO,
-        suffix: str = ".png",
-        show: Show = "color",
-        axes: ArrayLike | None = None,
-        *,
-        bits: int = 8,
-        outputs: Sequence[Output] | None = None,
-        dpi: float | None = None,
+        self, file: BinaryIO, suffix: str = ".png", show: Show = "color", axes: ArrayLike | None = None, **how: Any
     ) -> None:
-        """Writes what save() writes into a file with this suffix to an open binary one."""
-        if dpi is not None and (isinstance(dpi, bool) or not isinstance(dpi, (int, float)) or not 0.1 <= dpi <= 1e6):
-            raise ValueError(f"dpi: must be a number within 0.1..1000000, got {dpi!r}")
-        if dpi is not None and suffix not in SIZED:
-            raise ValueError(f"dpi: goes with {', '.join(SIZED)}, got {suffix}")
-        if dpi is not None and FORMATS.get(suffix) == "JPEG" and not 1 <= dpi < 2**16:
-            raise ValueError(f"dpi: must be within 1..65535 in a JPEG, got {dpi:g}")
-        rows = Rows(file, suffix, self._size[0], dpi, show=show, axes=axes, bits=bits, outputs=outputs)
+        """Writes what save() writes into a file with this suffix to an open binary one. how: the others of save()."""
+        rows = Rows(file, suffix, self._size[0], show=show, axes=axes, **how)
         rows.add(self)
         rows.close()
 
@@ -327,11 +303,19 @@ class Image:
         return value if axes is None else np.asarray(value @ np.asarray(axes, np.float64).T, value.dtype)
 
     def _levels16(self) -> NDArray[np.uint16]:
-        """The picture with 16 bits for each channel."""
+        """The picture with 16 bits for each channel: 65535 times its colours, by their curve, and alpha, rounded."""
         self._need("color")
-        if "alpha" not in self.outputs and "rgba8" in self.outputs:
-            return levels16(self.color, self.transfer, self.rgba8[..., 3] / np.float32(255))
-        return levels16(self.color, self.transfer, self.alpha if "alpha" in self.outputs else None)
+        alpha: NDArray[Any] | None = self.alpha if "alpha" in self.outputs else None
+        if alpha is None and "rgba8" in self.outputs:
+            alpha = self.rgba8[..., 3] / np.float32(255)
+
+        def levels(rows: slice) -> NDArray[Any]:
+            values = encoded(np.clip(self.color[rows], 0.0, 1.0), self.transfer)
+            if alpha is not None:
+                values = np.concatenate([values, alpha[rows, :, None]], axis=-1)
+            return np.asarray(np.rint(values * 65535))
+
+        return by_rows(levels, (*self._size, 3 if alpha is None else 4), np.uint16)
 
     def _repr_png_(self) -> bytes:
         buffer = io.BytesIO()
@@ -347,6 +331,12 @@ class Rows:
     """
 
     def __init__(self, file: BinaryIO, suffix: str, height: int, dpi: float | None = None, **how: Any) -> None:
+        if dpi is not None and (isinstance(dpi, bool) or not isinstance(dpi, (int, float)) or not 0.1 <= dpi <= 1e6):
+            raise ValueError(f"dpi: must be a number within 0.1..1000000, got {dpi!r}")
+        if dpi is not None and suffix not in SIZED:
+            raise ValueError(f"dpi: goes with {', '.join(SIZED)}, got {suffix}")
+        if dpi is not None and FORMATS.get(suffix) == "JPEG" and not 1 <= dpi < 2**16:
+            raise ValueError(f"dpi: must be within 1..65535 in a JPEG, got {dpi:g}")
         self._file, self._suffix, self._height, self._dpi, self._how = file, suffix, height, dpi, how
         self._writer: Writer | None = None
 
@@ -356,7 +346,7 @@ class Rows:
         if self._suffix in FORMATS:
             write_pillow(self._file, self._suffix, part, self._dpi)
         elif self._suffix == ".npz":
-            write_npz(self._file, part)
+            np.savez(self._file, allow_pickle=False, **part)
         else:
             self._writer = self._writer or writer(self._file, self._suffix, part, self._height, self._dpi)
             self._writer.write(part)

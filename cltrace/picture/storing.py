@@ -17,9 +17,8 @@ from typing import Any, BinaryIO, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.base.arrays import ROWS, by_rows, concurrently
+from cltrace.base.arrays import ROWS, concurrently
 from cltrace.picture import png
-from cltrace.scene.colors import Transfer, encoded
 
 # Formats of Pillow, by the ends of names.
 FORMATS = {".tif": "TIFF", ".tiff": "TIFF", ".jpg": "JPEG", ".jpeg": "JPEG"}
@@ -58,21 +57,6 @@ def check_format(path: Path, suffixes: tuple[str, ...] = SUFFIXES) -> None:
     if path.suffix.lower() not in suffixes:
         names = " or ".join(filter(None, (", ".join(suffixes[:-1]), suffixes[-1])))
         raise ValueError(f"the name of a picture must end in {names}, got {str(path)!r}")
-
-
-def levels16(color: NDArray[np.float32], transfer: Transfer, alpha: NDArray[Any] | None) -> NDArray[np.uint16]:
-    """(h, w, 3), or with an alpha of (h, w) (h, w, 4): 65535 times colours and alpha, 0..1, rounded.
-
-    transfer: the curve by which linear colours are written.
-    """
-
-    def levels(rows: slice) -> NDArray[Any]:
-        values = encoded(np.clip(color[rows], 0.0, 1.0), transfer)
-        if alpha is not None:
-            values = np.concatenate([values, alpha[rows, :, None]], axis=-1)
-        return np.asarray(np.rint(values * 65535))
-
-    return by_rows(levels, (*color.shape[:2], 3 if alpha is None else 4), np.uint16)
 
 
 def write_pillow(file: BinaryIO, suffix: str, pixels: NDArray[np.uint8], dpi: float | None) -> None:
@@ -122,23 +106,50 @@ class _Npy:
         pass
 
 
+# OpenEXR files of 32-bit channels, written by rows: what the format calls scan lines, with the compression ZIP.
+#
+# https://openexr.com/en/latest/OpenEXRFileLayout.html has the format. The package OpenEXR writes only whole pictures,
+# and holds three copies of them.
+
+EXR_MAGIC, EXR_VERSION = 20000630, 2
+# The format's numbers: of the compression, which takes so many lines at once, and of the kinds of numbers.
+ZIP, LINES = 3, 16
+EXR_KINDS = {"u": 0, "f": 2}
+# Blocks of lines that are compressed before they are written.
+BLOCKS_AT_ONCE = 16
+
+
 class _Exr:
-    """Outputs by their names, as channels."""
+    """Outputs by their names, as channels. How the rows are cut does not change a byte of the file."""
 
     def __init__(self, file: BinaryIO, first: Arrays, height: int) -> None:
         for name in first:
             if name not in CHANNELS:
                 raise ValueError(f"outputs: an EXR has none of {name}, only of {', '.join(CHANNELS)}")
-        self._rows = _ExrRows(file, _channels({name: array[:0] for name, array in first.items()}), height)
+        # The table of where blocks are stands before them, so what goes into a pipe is put together here.
+        self._target, self._file = file, file if file.seekable() else io.BytesIO()
+        self._file.write(_exr_header(_channels({name: array[:0] for name, array in first.items()}), height))
+        self._table, self._places, self._line = self._file.tell(), list[int](), 0
+        self._file.write(bytes(8 * -(-height // LINES)))
 
     def write(self, arrays: Arrays) -> None:
         height = len(next(iter(arrays.values())))
         for i in range(0, height, BLOCKS_AT_ONCE * LINES):
-            part = slice(i, i + BLOCKS_AT_ONCE * LINES)
-            self._rows.write(_channels({name: array[part] for name, array in arrays.items()}))
+            part = slice(i, min(height, i + BLOCKS_AT_ONCE * LINES))
+            channels = _channels({name: array[part] for name, array in arrays.items()})
+            planes = [channels[name].view(np.uint32) for name in sorted(channels)]
+            blocks = range(0, part.stop - i, LINES)
+            for data in concurrently([partial(_block, [plane[y : y + LINES] for plane in planes]) for y in blocks]):
+                self._places.append(self._file.tell())
+                self._file.write(struct.pack("<ii", self._line, len(data)) + data)
+                self._line += LINES
 
     def close(self) -> None:
-        self._rows.close()
+        """Writes where the blocks are."""
+        self._file.seek(self._table)
+        self._file.write(np.array(self._places, "<u8").tobytes())
+        if isinstance(self._file, io.BytesIO):
+            self._target.write(self._file.getbuffer())
 
 
 def _channels(arrays: Arrays) -> dict[str, NDArray[Any]]:
@@ -154,61 +165,6 @@ def _channels(arrays: Arrays) -> dict[str, NDArray[Any]]:
     return channels
 
 
-def write_npz(file: BinaryIO, arrays: Arrays) -> None:
-    """Writes arrays by their names to an open binary file, not compressed."""
-    np.savez(file, allow_pickle=False, **arrays)
-
-
-# OpenEXR files of 32-bit channels, written by rows: what the format calls scan lines, with the compression ZIP.
-#
-# https://openexr.com/en/latest/OpenEXRFileLayout.html has the format. The package OpenEXR writes only whole pictures,
-# and holds three copies of them.
-
-EXR_MAGIC, EXR_VERSION = 20000630, 2
-# The format's numbers: of the compression, which takes so many lines at once, and of the kinds of numbers.
-ZIP, LINES = 3, 16
-EXR_KINDS = {"u": 0, "f": 2}
-# Of zlib: higher ones take a quarter more time for files that are 2 % smaller.
-ZLIB_LEVEL = 2
-# Blocks of lines that are compressed before they are written.
-BLOCKS_AT_ONCE = 16
-
-Channels = Mapping[str, NDArray[np.float32] | NDArray[np.uint32]]
-
-
-class _ExrRows:
-    """A file to which rows are written from the top. How they are cut does not change a byte of it.
-
-    file: open and binary; channels: the first rows, (h, w) each, by their names; height: of the whole. close() ends it.
-    """
-
-    def __init__(self, file: BinaryIO, channels: Channels, height: int) -> None:
-        # The table of where blocks are stands before them, so what goes into a pipe is put together here.
-        self._target, self._file = file, file if file.seekable() else io.BytesIO()
-        self._file.write(_exr_header(channels, height))
-        self._table, self._places = self._file.tell(), list[int]()
-        self._file.write(bytes(8 * -(-height // LINES)))
-        self._line = 0
-
-    def write(self, channels: Channels) -> None:
-        """More rows: a multiple of LINES, but for the last ones."""
-        planes = [channels[name].view(np.uint32) for name in sorted(channels)]
-        blocks = range(0, len(planes[0]), LINES)
-        for i in range(0, len(blocks), BLOCKS_AT_ONCE):
-            jobs = [partial(_block, [plane[y : y + LINES] for plane in planes]) for y in blocks[i : i + BLOCKS_AT_ONCE]]
-            for data in concurrently(jobs):
-                self._places.append(self._file.tell())
-                self._file.write(struct.pack("<ii", self._line, len(data)) + data)
-                self._line += LINES
-
-    def close(self) -> None:
-        """Writes where the blocks are."""
-        self._file.seek(self._table)
-        self._file.write(np.array(self._places, "<u8").tobytes())
-        if isinstance(self._file, io.BytesIO):
-            self._target.write(self._file.getbuffer())
-
-
 def _block(planes: list[NDArray[np.uint32]]) -> bytes:
     """Lines, each with one channel after the other, compressed where that makes them smaller.
 
@@ -217,23 +173,11 @@ def _block(planes: list[NDArray[np.uint32]]) -> bytes:
     plain = np.stack(planes, axis=1).astype("<u4", copy=False).view(np.uint8).ravel()
     parted = np.concatenate([plain[::2], plain[1::2]])
     parted[1:] -= parted[:-1] - np.uint8(128)
-    data = _compressed(parted)
+    data = zlib.compress(parted.data, 1)
     return data if len(data) < len(plain) else plain.tobytes()
 
 
-def _compressed(parted: NDArray[np.uint8]) -> bytes:
-    """A stream of zlib. The first half is mostly noise, in which looking for more than runs finds nothing."""
-    middle, data = len(parted) // 2, png.HEAD
-    for part, strategy, end in (
-        (parted[:middle], zlib.Z_RLE, zlib.Z_SYNC_FLUSH),
-        (parted[middle:], zlib.Z_DEFAULT_STRATEGY, zlib.Z_FINISH),
-    ):
-        compress = zlib.compressobj(ZLIB_LEVEL, zlib.DEFLATED, -zlib.MAX_WBITS, 9, strategy)
-        data += compress.compress(part.data) + compress.flush(end)
-    return data + zlib.adler32(parted.data).to_bytes(4, "big")
-
-
-def _exr_header(channels: Channels, height: int) -> bytes:
+def _exr_header(channels: Arrays, height: int) -> bytes:
     width = next(iter(channels.values())).shape[1]
     kinds = ((name, EXR_KINDS[channels[name].dtype.kind]) for name in sorted(channels))
     listed = b"".join(name.encode() + b"\0" + struct.pack("<iB3xii", kind, 0, 1, 1) for name, kind in kinds)
