@@ -111,30 +111,6 @@ class ListBuffers:
 # ----------------------------------------------------------------------------------------------------------- writing
 
 
-class Covers:
-    """Which cells of one grid n spheres cover: `covers` and `near` of kernels/pack/spheres.cl.
-
-    members: how many are entered; entries: how many cells of level 0 they cover; more: how many of them are in no grid
-    of the same light before.
-    """
-
-    def __init__(self, tools: Toolbox, n: int, pitch: int) -> None:
-        self.tools, self.n, self.pitch = tools, n, pitch
-        self.cells = tools.room(4 * pitch, np.int16, again=True)
-        self.near = tools.room(pitch, np.float32, again=True)
-        self.members = self.entries = self.more = 0
-
-    @property
-    def arguments(self) -> Arguments:
-        """Those of kernels that look at all spheres."""
-        return {"n": self.n, "pitch": self.pitch, "covers": self.cells, "near": self.near}
-
-    def place(self, **arguments: Any) -> None:
-        """Makes them by the kernel of this name, of which these are the other arguments."""
-        part = self.tools.noted("place", 3, np.int64, **self.arguments, **arguments)
-        self.members, self.entries, self.more = part.sum(axis=0).tolist()
-
-
 @dataclass(frozen=True)
 class Levels:
     """The levels of a grid that hold anything.
@@ -192,14 +168,18 @@ class ListWriter:
         # Where lists began, where those of the second grid did, and where the next ones belong: a cell and an entry.
         self._begin = self._second = self._next = (0, 0)
 
-    def add(self, grid: CellGrid, covers: Covers) -> None:
-        """Makes the lists of a grid of spheres."""
+    def add(self, grid: CellGrid, spheres: Arguments, members: int, entries: int) -> None:
+        """Makes the lists of a grid of spheres.
+
+        spheres: arguments of kernels, of which `covers` says where spheres are and `near` which ones are entered;
+        members: how many; entries: how many cells of level 0 they cover.
+        """
         tools, used, level = self._tools, [0], 0
-        if grid.cells != (1, 1) and covers.entries > ENTRIES * covers.members + SPARE:
-            sizes = tools.noted("tally", 17, np.int64, items=ITEMS, **covers.arguments).sum(axis=0)
+        if grid.cells != (1, 1) and entries > ENTRIES * members + SPARE:
+            sizes = tools.noted("tally", 17, np.int64, items=ITEMS, **spheres).sum(axis=0)
             used, level = np.flatnonzero(sizes[:16]).tolist(), BY_SIZE
-        spheres = Entered("entries", covers.arguments | {"level": level}, numbered(covers.cells, 0))
-        self._list(grid, used, [spheres] if covers.members else [])
+        entered = Entered("entries", spheres | {"level": level}, numbered(spheres["covers"], 0))
+        self._list(grid, used, [entered] if members else [])
 
     def add_members(self, grid: CellGrid) -> None:
         """Makes the lists of a grid: its own members are on one level, and those that are held on one, too."""

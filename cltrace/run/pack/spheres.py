@@ -40,7 +40,7 @@ from cltrace.plan.shapes.sphere import CameraSpace, SpherePacking
 from cltrace.plan.view import CameraView, KeptLights, exponent_of
 from cltrace.plan.world import ScenePacking
 from cltrace.run.devices import Device, driver_errors
-from cltrace.run.pack.lists import Covers, ListBuffers, ListWriter
+from cltrace.run.pack.lists import ListBuffers, ListWriter
 from cltrace.run.pack.toolbox import PACKET, Arguments, Toolbox, is_exact
 from cltrace.scene import AnyCamera
 
@@ -105,23 +105,41 @@ class SpherePacker:
 
 
 class _SeenSpheres:
-    """The spheres of a SpherePacker as one camera sees them. power: see kernels/pack/spheres.cl."""
+    """The spheres of a SpherePacker as one camera sees them.
+
+    common: what kernels of kernels/pack are given by its name, see there; members, entries: how many spheres `covers`
+    and `near` of these are of, and how many cells of level 0 they cover.
+    """
 
     def __init__(self, packer: SpherePacker, world: ScenePacking, camera: AnyCamera, keep: bool) -> None:
         self.packer, self.world, self.camera, self.keep = packer, world, camera, keep
-        self.tools, self.spheres = packer.tools, packer.spheres
+        self.tools, self.spheres, room = packer.tools, packer.spheres, partial(packer.tools.room, again=True)
         self.n = len(self.spheres.radius)
         self.pitch = -(-self.n // PACKET) * PACKET
         self.some = sample(np.arange(self.n))
         self.basis = np.array(camera.basis())
         self.slack = SLACK if packer.request.precision == "single" else FINE_SLACK
         self.real = np.dtype("f4" if packer.request.precision == "single" else "f8")
-        self.made: dict[str, Any] = {}
+        columns = {"center_radius": (4, self.real), "power": (2, self.real), "eye_filter": (4, np.dtype("f4"))}
+        if self.real.itemsize == 8:
+            columns["world"] = 4, self.real
+        self.made: dict[str, Any] = {name: room(wide * self.pitch, kind) for name, (wide, kind) in columns.items()}
         self.lamps: KeptLights | None = None
         self.grids: list[CellGrid] = []
-        self.unsure = self.tools.room(1 + self.n, np.int32)  # Of which nearly nothing is used.
-        self.flags = self.tools.room(self.pitch, np.int8, again=True)
-        self.covers = Covers(self.tools, self.n, self.pitch)
+        unsure = self.tools.room(1 + self.n, np.int32)  # Of which nearly nothing is used.
+        self.common: Arguments = {"n": self.n, "pitch": self.pitch, "unsure": unsure, "world": unsure} | self.made
+        self.common |= {"center": packer.center, "radius": packer.radius, "again": packer.again}
+        self.common |= {"eye": camera.position, "along": camera.parallel, "some_again": packer.some_again}
+        self.common |= dict(zip(("right", "up", "back"), self.basis, strict=True))
+        self.common |= {"flags": room(self.pitch, np.int8), "near": room(self.pitch, np.float32)}
+        self.common["covers"] = room(4 * self.pitch, np.int16)
+        self.members = self.entries = 0
+
+    def _run(self, name: str, **own: Any) -> None:
+        self.tools.run(name, **self.common | own)
+
+    def _noted(self, name: str, columns: int, dtype: Any, **own: Any) -> NDArray[Any]:
+        return self.tools.noted(name, columns, dtype, **self.common | own)
 
     def view(self) -> tuple[CameraView, dict[str, Any]] | None:
         """See SpherePacker.view(); None if pixels are so tiny that the kernels' float32 is too coarse."""
@@ -140,10 +158,8 @@ class _SeenSpheres:
         if self.lamps:
             buffers = self.lamps.buffers | {"light_filter": self.made["light_filter"]}
             packer.lamps = replace(self.lamps, buffers=buffers, listed=writer.listed[1:], lists=writer.lists)
-        arrays, made = (
-            view.arrays | {"grid": grid, "light_buffer": light_buffer, "light": self.light},
-            self.made | lists,
-        )
+        arrays = view.arrays | {"grid": grid, "light_buffer": light_buffer, "light": self.light}
+        made = self.made | lists
         # What other shapes, or lights, would have.
         lacking = [a for a in abi.ARGUMENTS if a.kind == "buffer" and a.name not in arrays.keys() | made.keys()]
         arrays |= {a.name: np.zeros(1, abi.dtype_of(a.type, packer.request.precision)) for a in lacking}
@@ -154,81 +170,39 @@ class _SeenSpheres:
         """Some of the spheres as numpy sees them, in scene units."""
         return CameraSpace.of(self.camera, self.spheres.center[rows], self.spheres.radius[rows])
 
-    @property
-    def _spheres(self) -> Arguments:
-        """What kernels are given of the spheres in the world."""
-        return {"unit": self.unit, "center": self.packer.center, "radius": self.packer.radius}
-
-    @property
-    def _axes(self) -> Arguments:
-        """The camera's, as kernels are given them."""
-        return dict(zip(("right", "up", "back"), self.basis, strict=True))
-
-    @property
-    def _eye(self) -> Arguments:
-        """What kernels are given that see spheres from the eye."""
-        return {"eye": self.camera.position} | self._axes | self._spheres
-
-    @property
-    def _packed(self) -> Arguments:
-        """What kernels write that pack what the eye sees."""
-        made = {name: self.made.get(name, self.unsure) for name in ("power", "world", "eye_filter")}
-        return {"along": self.camera.parallel, "near": self.covers.near} | made
-
     def _unsure_rows(self) -> NDArray[np.int32]:
         """The rows that kernels are unsure of."""
-        count = int(self.tools.read(self.unsure, 1, np.int32)[0])
-        return np.sort(self.tools.read(self.unsure, count, np.int32, 1))
+        count = int(self.tools.read(self.common["unsure"], 1, np.int32)[0])
+        return np.sort(self.tools.read(self.common["unsure"], count, np.int32, 1))
 
     def _see_from_eye(self) -> tuple[bool, int] | None:
         """Makes what depends on the eye alone, and k and the window.
 
         Returns whether the eye is inside of a sphere or on it, and how many spheres may be seen; None as view().
         """
-        tools, packer = self.tools, self.packer
-        room, columns = partial(tools.room, again=True), {"center_radius": 4, "power": 2}
-        made = {name: room(wide * self.pitch, self.real) for name, wide in columns.items()}
-        made["eye_filter"] = room(4 * self.pitch, np.float32)
-        if self.real.itemsize == 8:
-            made["world"] = room(4 * self.pitch, self.real)
-        self.made |= made
-        parallel = self.camera.parallel
-        # Some spheres nearly always tell which one is the k of all.
-        most, k = self._largest_of_some(), None
+        # Some spheres nearly always tell which one is the k of all: about the largest coordinate or radius is theirs.
+        center = self.spheres.center[self.some] - np.array(self.camera.position)
+        most, k = max(float(np.abs(center @ self.basis.T).max()), self.packer.largest), None
         while k != (k := exponent_of(self.world, self.camera, (), most)):
-            self.k, self.unit = k, 2.0**k
-            self.window = PictureWindow.of(self.camera, packer.request, k)
-            if min(self.window.step) <= (FINE if parallel else TINY):
+            self.k, self.common["unit"] = k, 2.0**k
+            self.window = PictureWindow.of(self.camera, self.packer.request, k)
+            if min(self.window.step) <= (FINE if self.camera.parallel else TINY):
                 return None
-            part = self._see_all()
+            self.tools.clear(self.common["unsure"], 1)
+            window: Arguments = {"shift": SHIFT}
+            for name, axis in zip("xy", self.window.axes, strict=True):
+                window[f"{name}_axis"] = (axis.scale, axis.begin, axis.end, 0)
+                window[f"{name}_range"] = (axis.first, axis.stop)
+            part = self._noted("see_from_eye", 5, np.float64, **window)
             most = float(part[:, 0].max())
+        there, self.members, self.entries = (int(total) for total in part[:, 2:].sum(axis=0))
         inside, rows = bool(part[:, 1].max() >= 0), self._unsure_rows()
         if len(rows):
             space = self._few(rows)
-            index, hi, lo = (tools.upload(values) for values in (rows, space.power, space.power_rest))
-            tools.run("mend_eye", count=len(rows), index=index, hi=hi, lo=lo, **self._eye, **self._packed)
-            inside |= not parallel and bool((space.power <= 0).any())
-        return inside, int(part[:, 2].sum())
-
-    def _largest_of_some(self) -> float:
-        """About the largest coordinate or radius of some spheres in camera space, in scene units."""
-        center = self.spheres.center[self.some] - np.array(self.camera.position)
-        return max(float(np.abs(center @ self.basis.T).max()), self.packer.largest)
-
-    def _see_all(self) -> NDArray[np.float64]:
-        """Makes what the eye sees if k is what it is, and returns NOTES of kernels/pack/eye.cl."""
-        tools, covers = self.tools, self.covers
-        tools.clear(self.unsure, 1)
-        arguments: Arguments = {"pitch": self.pitch, "shift": SHIFT}
-        arguments |= {"again": self.packer.again, "some_again": self.packer.some_again}
-        for name, axis in zip("xy", self.window.axes, strict=True):
-            arguments[f"{name}_axis"] = (axis.scale, axis.begin, axis.end, 0)
-            arguments[f"{name}_range"] = (axis.first, axis.stop)
-        written = {"center_radius": self.made["center_radius"], "flags": self.flags}
-        written |= {"covers": covers.cells, "unsure": self.unsure} | self._packed
-        part = tools.noted("see_from_eye", 5, np.float64, n=self.n, **arguments, **self._eye, **written)
-        covers.members, covers.entries = (int(total) for total in part[:, 3:5].sum(axis=0))
-        return part
+            index, hi, lo = (self.tools.upload(values) for values in (rows, space.power, space.power_rest))
+            self._run("mend_eye", count=len(rows), index=index, hi=hi, lo=lo)
+            inside |= not self.camera.parallel and bool((space.power <= 0).any())
+        return inside, there
 
     def _lists(self, skipped: dict[str, int]) -> tuple[NDArray[np.int32], ListWriter]:
         """The lists of the tiles and of all light buffers. Adds to `skipped` what is in none of them."""
@@ -239,9 +213,8 @@ class _SeenSpheres:
         known = lamps if keeps and lamps and lamps.key == key else None
         lists = known.lists if known and known.lists else ListBuffers.of(tools, self.n, m)
         writer = ListWriter(tools, self.packer.request.precision, lists)
-        grid = picture_grid(self.window.size)
-        writer.add(grid, self.covers)
-        skipped["spheres out of the picture"] = self.n - self.covers.members
+        writer.add(picture_grid(self.window.size), self.common, self.members, self.entries)
+        skipped["spheres out of the picture"] = self.n - self.members
 
         what = "spheres that shadow nothing seen, per light"
         if not m:
@@ -257,7 +230,7 @@ class _SeenSpheres:
         light_buffer, idle = np.zeros((m, 4), np.int32), 0
         for number, light in enumerate(self.lights):
             first = len(writer.records)
-            idle += self.n - light.look(self, number, writer)
+            idle += self.n - light.look(self, self.made | {"first": number * self.n}, writer)
             light_buffer[number] = first, len(writer.records) - first, -1, 0
         skipped[what] = idle
         if keeps:
@@ -267,7 +240,8 @@ class _SeenSpheres:
 
     def _see_again(self, lamps: KeptLights, writer: ListWriter) -> None:
         """Adds what lights see, of which a camera changes directions alone."""
-        tools, m, n, move = self.tools, len(self.lights), self.n, Move.of(lamps.camera, self.camera, self.unit)
+        tools, m, n, unit = self.tools, len(self.lights), self.n, self.common["unit"]
+        move = Move.of(lamps.camera, self.camera, unit)
         for grid, listed in zip(lamps.grids, lamps.listed, strict=True):
             turned = replace(grid, axes=rotated(self.basis, grid.axes)) if grid.perspective else move.grid(grid)
             writer.add_again(turned, listed)
@@ -278,103 +252,92 @@ class _SeenSpheres:
             tools.copy(lamps.buffers["light_filter"], filters, 0, 16 * m * n)
         for number, light in enumerate(self.lights):
             if isinstance(light, AtPoint):
-                tools.run("turn_light", **self._from(light), **self._axes, **self._rows_of(number, "light_filter"))
+                self._run("turn_light", lamp=light.place * unit, first=number * n, light_filter=filters)
 
-    def _from(self, light: AtPoint) -> Arguments:
-        """What kernels are given that see spheres from a light at a point."""
-        lamp = light.place * self.unit
-        return {"n": self.n, "unit": self.unit, "lamp": lamp, "center": self.packer.center}
+    def along(self, light: Parallel, rows: Arguments, writer: ListWriter) -> int:
+        """Packs spheres as a parallel light sees them, and adds its grid. Returns how many spheres are in it.
 
-    def _rows_of(self, number: int, *names: str) -> Arguments:
-        """What kernels are given that write a light's rows of these buffers."""
-        return {"first": number * self.n} | {name: self.made[name] for name in names}
+        rows: the light's buffers, and its first row there.
+        """
+        edges, count, extent = self._discs("see_along", **rows, **dict(zip("abc", light.axes, strict=True)))
+        window = window_of([extent], self.slack, False)
+        if not window:
+            return 0
+        more = self._place(light.axes, edges, count, window, self.slack, False)
+        del edges  # Lists have room in their place.
+        self._list(writer)
+        return more
 
-    def along(self, light: Parallel, number: int, writer: ListWriter) -> int:
-        """Packs spheres as a parallel light sees them, and adds its grid. Returns how many spheres are in it."""
-        axes, rows = light.axes, self._rows_of(number, "light_filter", "light_side")
-        discs = _Discs.of(self, "see_along", self._eye | rows | dict(zip("abc", axes, strict=True)))
-        window = window_of([discs.extent], self.slack, False)
-        return self._add(axes, discs, window, self.slack, False, writer) if window else 0
-
-    def from_point(self, light: AtPoint, number: int, writer: ListWriter) -> int:
+    def from_point(self, light: AtPoint, rows: Arguments, writer: ListWriter) -> int:
         """Packs spheres as a light at a point sees them, and adds its grids.
 
-        Returns how many spheres are in any of them.
+        Returns how many spheres are in any of them. rows: see along().
         """
-        tools, seen, radius = self.tools, self._from(light), {"radius": self.packer.radius}
+        tools, lamp = self.tools, light.place * self.common["unit"]
         power = tools.room(self.pitch, np.float64)
-        tools.clear(self.unsure, 1)
-        tools.run("see_from_light", **seen, **radius, power=power, unsure=self.unsure)
-        rows = self._unsure_rows()
-        if len(rows):
-            exact, _ = self._few(rows).times_two_to(self.k).seen_from(light.place * self.unit)
-            index, value = tools.upload(rows), tools.upload(exact.power)
-            tools.run("mend", count=len(rows), index=index, value=value, column=power)
-        filters = self._rows_of(number, "light_filter", "light_side")
-        some = self._few(self.some).times_two_to(self.k).seen_from(light.place * self.unit)[0].center
-        cube = cube_of([some])
-        spheres = seen | radius | dict(zip("abc", cube, strict=True))
-        sides = tools.noted("cube_sides", 1, np.int32, **spheres, flags=self.flags)
-        seen_on = int(np.bitwise_or.reduce(sides, axis=None))
+        tools.clear(self.common["unsure"], 1)
+        self._run("see_from_light", lamp=lamp, power=power)
+        unsure = self._unsure_rows()
+        if len(unsure):
+            exact, _ = self._few(unsure).times_two_to(self.k).seen_from(lamp)
+            index, value = tools.upload(unsure), tools.upload(exact.power)
+            tools.run("mend", count=len(unsure), index=index, value=value, column=power)
+        cube = cube_of([self._few(self.some).times_two_to(self.k).seen_from(lamp)[0].center])
+        seen = {"lamp": lamp, "power": power} | dict(zip("abc", cube, strict=True))
+        seen_on = int(np.bitwise_or.reduce(self._noted("cube_sides", 1, np.int32, **seen), axis=None))
         entered = 0
         for side, (axis, sign) in enumerate(SIDES):
             if not seen_on >> side & 1:
                 continue
-            discs = _Discs.of(self, "cube_discs", spheres | {"power": power, "side": side})
-            window, slack = window_of([discs.extent], SLACK, True), SLACK
+            edges, count, extent = self._discs("cube_discs", **seen, side=side)
+            window, slack = window_of([extent], SLACK, True), SLACK
             if window and not window.coarse and self.slack < SLACK:
-                window, slack = window_of([discs.extent], self.slack, True), self.slack
+                window, slack = window_of([extent], self.slack, True), self.slack
                 window = window and window._replace(coarse=False)
             if window:
-                entered += self._add(side_axes(cube, axis, sign), discs, window, slack, True, writer)
-        tools.run("pack_light", **seen, **self._axes, **filters, power=power)
+                entered += self._place(side_axes(cube, axis, sign), edges, count, window, slack, True)
+                del edges  # Lists have room in their place.
+                self._list(writer)
+        self._run("pack_light", **rows | seen)
         return entered
 
-    def _add(
-        self, axes: Array, discs: _Discs, window: Rectangle, slack: float, perspective: bool, writer: ListWriter
-    ) -> int:
-        """Adds the grid of a window. Returns how many spheres are in no grid of the light before."""
-        size, area = discs.size(), 4 * window.half.prod()
-        wanted = FINER_ENTRIES if discs.count * size**2 > LAYERS * area else ENTRIES
-        cells = window.cells(size, discs.count, wanted, max(discs.count, 2))
-        sides: Arguments = dict(zip(("x_axis", "y_axis"), window.sides(cells), strict=True))
-        self.covers.place(flags=self.flags, slack=slack, furthest=window.furthest, **sides, edges=discs.edges)
-        del discs.edges  # Lists have room in their place.
-        grid = CellGrid(axes, window.middle, window.half, cells, NOBODY, perspective, window.coarse)
-        self.grids.append(grid)
-        writer.add(replace(grid, axes=rotated(self.basis, axes)) if perspective else grid, self.covers)
-        return self.covers.more
+    def _discs(self, kernel: str, **own: Any) -> tuple[Any, int, Extent]:
+        """The spheres that are seen through a side of the cube around a light, or along a direction, as discs.
 
-
-class _Discs:
-    """The spheres that are seen through a side of the cube around a light, or along a direction, as discs.
-
-    edges: four columns of `pitch` doubles; count: how many there are; extent: of all of them.
-    """
-
-    def __init__(self, spheres: _SeenSpheres, edges: Any, count: int, extent: Extent) -> None:
-        self._spheres, self.edges, self.count, self.extent = spheres, edges, count, extent
-
-    @classmethod
-    def of(cls, spheres: _SeenSpheres, kernel: str, arguments: Arguments) -> _Discs:
-        """arguments: of the kernel, besides those of all spheres. The depths go to those of spheres.covers."""
-        edges = spheres.tools.room(4 * spheres.pitch, np.float64)
-        written = {"pitch": spheres.pitch, "edges": edges, "near": spheres.covers.near, "flags": spheres.flags}
-        part = spheres.tools.noted(kernel, 7, np.float64, **arguments | {"n": spheres.n}, **written)
+        Returns four columns of `pitch` doubles, their edges, how many discs there are, and the extent of all of them.
+        The depths go to `near`.
+        """
+        edges = self.tools.room(4 * self.pitch, np.float64)
+        part = self._noted(kernel, 7, np.float64, **own, edges=edges)
         left, right, low, high, nearest, furthest, _ = part.max(axis=0).tolist()
-        extent = Extent(2 * [[-left, right, -low, high]], -nearest, furthest)
-        return cls(spheres, edges, int(part[:, 6].sum()), extent)
+        return edges, int(part[:, 6].sum()), Extent(2 * [[-left, right, -low, high]], -nearest, furthest)
 
-    def size(self) -> float:
-        """The median of the widths and heights of those whose indices SAMPLE divides, or of all if there is none."""
-        spheres = self._spheres
+    def _size_of(self, edges: Any) -> float:
+        """The median of the widths and heights of discs whose indices SAMPLE divides, or of all if there is none."""
         for stride in (SAMPLE, 1):
-            count = 4 * ((spheres.n - 1) // stride + 1)
-            edges = spheres.tools.room(count, np.float64)
-            discs = {"n": spheres.n, "pitch": spheres.pitch, "edges": self.edges, "near": spheres.covers.near}
-            spheres.tools.run("sample_edges", **discs, stride=stride, sample=edges)
-            found = spheres.tools.read(edges, count, np.float64).reshape(-1, 4).T
+            count = 4 * ((self.n - 1) // stride + 1)
+            some = self.tools.room(count, np.float64)
+            self._run("sample_edges", edges=edges, stride=stride, sample=some)
+            found = self.tools.read(some, count, np.float64).reshape(-1, 4).T
             found = found[:, ~np.isnan(found[0])]
             if found.size:
                 break
         return float(np.median(found[1::2] - found[::2]))
+
+    def _place(self, axes: Array, edges: Any, count: int, window: Rectangle, slack: float, perspective: bool) -> int:
+        """Adds a window to `grids`. edges, count: see _discs(). Returns how many spheres are in no grid of the light
+        before."""
+        size, area = self._size_of(edges), 4 * window.half.prod()
+        wanted = FINER_ENTRIES if count * size**2 > LAYERS * area else ENTRIES
+        cells = window.cells(size, count, wanted, max(count, 2))
+        sides: Arguments = dict(zip(("x_axis", "y_axis"), window.sides(cells), strict=True))
+        part = self._noted("place", 3, np.int64, slack=slack, furthest=window.furthest, **sides, edges=edges)
+        self.members, self.entries, more = part.sum(axis=0).tolist()
+        self.grids.append(CellGrid(axes, window.middle, window.half, cells, NOBODY, perspective, window.coarse))
+        return int(more)
+
+    def _list(self, writer: ListWriter) -> None:
+        """Makes the lists of the last grid."""
+        grid = self.grids[-1]
+        grid = replace(grid, axes=rotated(self.basis, grid.axes)) if grid.perspective else grid
+        writer.add(grid, self.common, self.members, self.entries)
