@@ -56,27 +56,6 @@ class Event:
 
 
 @dataclass(frozen=True)
-class State:
-    """What a window's controls show beside a picture.
-
-    view: which button is on; projection: from the world to the picture, see cameras.projection(); fov: the whole
-    opening angle, degrees, 0 of parallel rays; samples: rays a pixel of the smooth picture;
-    lights: name and strength of each, none where they are many; frame, frames: which one of how many; fps: frames a
-    second; file: of the movie, "" for none.
-    """
-
-    view: str
-    projection: tuple[float, ...]
-    fov: float
-    samples: int
-    lights: tuple[tuple[str, float], ...]
-    frame: int
-    frames: int
-    fps: float
-    file: str
-
-
-@dataclass(frozen=True)
 class Message:
     """What the page is to show.
 
@@ -84,7 +63,8 @@ class Message:
     events; home: whether it is by the scene's own camera; data is a JPEG while it moves, else the PNG of the command.
     explanation, comparison, copy, said: a text. lines: those of an explanation, see lines.py, as JSON; outline: a PNG
     that lies over the picture, around the surface that is explained. mine, difference: PNGs beside a comparison. fault:
-    what is wrong with the scene's file now, "" for nothing; error: what was asked for and cannot be.
+    what is wrong with the scene's file now, "" for nothing; error: what was asked for and cannot be. state: what the
+    controls show beside a picture, see Session._state().
     """
 
     kind: Literal[Pictures, Texts]
@@ -94,7 +74,7 @@ class Message:
     height: int = 0
     number: int = 0
     home: bool = True
-    state: State | None = None
+    state: dict[str, Any] | None = None
 
     def head(self) -> dict[str, Any]:
         """All but the data, as JSON has it."""

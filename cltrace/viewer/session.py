@@ -15,7 +15,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ from cltrace.scene import AnyCamera, Camera, Scene
 from cltrace.students.comparison import Comparison
 from cltrace.students.places import look_at
 from cltrace.viewer import cameras
-from cltrace.viewer.messages import Event, Message, Questions, State, as_json
+from cltrace.viewer.messages import Event, Message, Questions, as_json
 from cltrace.viewer.stage import ERROR, VIEWS, Drawn, OverError, Phase, Stage
 
 # A window lists no more lights.
@@ -100,7 +100,7 @@ MOVES: dict[str, Callable[[AnyCamera, float, float], AnyCamera]] = {
 class Session:
     """A window on a stage.
 
-    phase: which picture comes next; view: what it shows, of VIEWS; frame: of the movie; samples: as of State; closed:
+    phase: which picture comes next; view: what it shows, of VIEWS; frame: of the movie; samples: of a pixel; closed:
     whether the window is. One thread may tell it what happens while another one draws, and others answer.
     """
 
@@ -118,24 +118,37 @@ class Session:
 
     def handle(self, event: Event) -> None:
         """Does what needs no time. What cannot be done changes nothing."""
-        camera, remember = self.camera, False
-        match event.kind:
-            case "undo" if self._undo:
-                camera = self._undo.pop()
-            case "show" if event.name in VIEWS:
-                self.view = event.name
-            case "samples" if event.x in LATTICES:
-                self.samples = int(event.x)
-            case "light" if self._lights.dim(int(event.x), event.y):
-                pass
-            case "frame" if 0 <= event.x < len(self._frames):
-                self.frame = int(event.x)
-            case _:
-                try:
-                    camera, remember = self._moved(event), True
-                except (ValueError, OverflowError):  # as where a camera would be in what it looks at
+        camera, home, looked = self.camera, self._scene.camera, True
+        try:
+            match event.kind:
+                case "orbit" | "pan" | "zoom":
+                    camera = MOVES[event.kind](camera, event.x, event.y)
+                case "fit":
+                    camera = cameras.fit(self._scene.seen_by(camera))
+                case "parallel":
+                    camera = cameras.other_kind(camera, self._pinhole)
+                case "fov":
+                    camera = cameras.opened(camera, event.x)
+                case "back":
+                    camera = home
+                case "reset":
+                    self.samples, self._lights = self.stage.samples, Lights()
+                    camera = cameras.opened(camera, 2 * home.horizontal_fov) if isinstance(home, Camera) else camera
+                case "undo" if self._undo:
+                    camera, looked = self._undo.pop(), False
+                case "show" if event.name in VIEWS:
+                    self.view, looked = event.name, False
+                case "samples" if event.x in LATTICES:
+                    self.samples, looked = int(event.x), False
+                case "light" if self._lights.dim(int(event.x), event.y):
+                    looked = False
+                case "frame" if 0 <= event.x < len(self._frames):
+                    self.frame, looked = int(event.x), False
+                case _:
                     return
-        self._go(camera, remember and camera != self.camera)
+        except (ValueError, OverflowError):  # as where a camera would be in what it looks at
+            return
+        self._go(camera, looked and camera != self.camera)
 
     def refresh(self) -> None:
         """The scene may be another one."""
@@ -245,38 +258,18 @@ class Session:
         """The scene in this window's lights, seen by a camera."""
         return self._lights.on(self._scene).seen_by(camera)
 
-    def _state(self, camera: AnyCamera) -> State:
-        film = self.stage.film
-        return State(
-            view=self.view,
-            projection=cameras.projection(camera),
-            fov=2 * camera.horizontal_fov if isinstance(camera, Camera) else 0.0,
-            samples=self.samples,
-            lights=self._lights.listed(self._scene),
-            frame=self.frame,
-            frames=len(self._frames),
-            fps=film.fps,
-            file=film.file,
-        )
+    def _state(self, camera: AnyCamera) -> dict[str, Any]:
+        """What the controls show.
 
-    def _moved(self, event: Event) -> AnyCamera:
-        """The camera after an event. Raises ValueError where there is none."""
-        home = self._scene.camera
-        match event.kind:
-            case "orbit" | "pan" | "zoom":
-                return MOVES[event.kind](self.camera, event.x, event.y)
-            case "fit":
-                return cameras.fit(self._scene.seen_by(self.camera))
-            case "parallel":
-                return cameras.other_kind(self.camera, self._pinhole)
-            case "fov":
-                return cameras.opened(self.camera, event.x)
-            case "reset":
-                self.samples, self._lights = self.stage.samples, Lights()
-                return cameras.opened(self.camera, 2 * home.horizontal_fov) if isinstance(home, Camera) else self.camera
-            case "back":
-                return home
-        raise ValueError(f"{event.kind} moves no camera")
+        view: which button is on; projection: from the world to the picture, see cameras.projection(); fov: the whole
+        opening angle, degrees, 0 of parallel rays; samples: rays a pixel of the smooth picture; lights: name and
+        strength of each, none where they are many; frame, frames: which one of how many; fps: frames a second; file: of
+        the movie, "" for none.
+        """
+        fov = 2 * camera.horizontal_fov if isinstance(camera, Camera) else 0.0
+        film, lights = self.stage.film, self._lights.listed(self._scene)
+        state = {"view": self.view, "projection": cameras.projection(camera), "fov": fov, "samples": self.samples}
+        return state | {"lights": lights, "frame": self.frame, "frames": film.count, "fps": film.fps, "file": film.file}
 
     def _caption(self, picture: Drawn, phase: Phase) -> str:
         """What a picture at rest is, in words."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from cltrace.base.errors import CltraceError, printable
 from cltrace.movie.animate import FPS
-from cltrace.movie.frames import MovieFrame, frames_of
+from cltrace.movie.frames import frames_of
 from cltrace.picture.image import LIT, SHOWS, Image, Output, Show
 from cltrace.plan.request import Request
 from cltrace.renderers.renderer import SAMPLES, Renderer
@@ -52,15 +52,13 @@ def film_of(
 ) -> Film:
     """The film of these arguments of view(). animate: writes frames to an output. Raises TypeError and ValueError."""
     if callable(frames):
-        number = int(count or 0) if is_whole(count) else 0
-        if number < 1:
+        if not is_whole(count) or (count or 0) < 1:
             raise ValueError(f"count: must be how many frames the function makes, 1 at least, got {count!r}")
     elif not isinstance(frames, Sequence) or isinstance(frames, str) or not frames:
         raise TypeError(f"frames: must be a list of frames, at least one, or a function of a number, got {frames!r}")
     elif count is not None:
         raise ValueError(f"count: goes with a function of a frame's number, got {count!r}")
-    else:
-        number = len(frames)
+    number = int(count or 0) if callable(frames) else len(frames)
 
     def items(check: Check = lambda: None) -> Iterator[Any]:
         for k in range(number):
@@ -76,18 +74,15 @@ class Frames:
     changes of the last one. Several threads may ask."""
 
     def __init__(self, film: Film, scene: Scene) -> None:
-        self._coming: Iterator[MovieFrame] | None = None
-        self._film, self._scene = film, scene
+        self._coming, self._count = frames_of(film.items(scene), scene), film.count
         self._there, self._fault, self._lock = list[Scene](), "", threading.Lock()
 
     def __len__(self) -> int:
-        return self._film.count
+        return self._count
 
     def __getitem__(self, number: int) -> Scene:
         """Raises ValueError where a frame, or one before it, cannot be."""
         with self._lock:
-            if self._coming is None:
-                self._coming = frames_of(self._film.items(self._scene), self._scene)
             while len(self._there) <= number and not self._fault:
                 try:
                     self._there.append(next(self._coming).scene)
@@ -170,8 +165,8 @@ class Stage:
     def follow(self, read: Callable[[], Scene]) -> None:
         """Shows the scene that is read, or what is wrong with it over the last one. Another thread may draw."""
         try:
-            self.scene, self.fault = read(), ""
-            self.frames = Frames(self.film, self.scene)
+            scene = read()
+            self.frames, self.scene, self.fault = Frames(self.film, scene), scene, ""
         except CltraceError as error:
             self.fault = str(error)
             raise

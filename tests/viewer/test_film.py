@@ -46,7 +46,7 @@ def test_frames_are_those_of_animate(spec: str) -> None:
         _, exact, smooth = drawn(session)
         assert (pixels(exact) == wanted[number]).all()
         assert exact.home
-        assert (smooth.state.frame, smooth.state.frames, smooth.state.fps) == (number, 4, 10)
+        assert (smooth.state["frame"], smooth.state["frames"], smooth.state["fps"]) == (number, 4, 10)
     session.handle(Event("orbit", 0.3))
     drawn(session)
     moved = session.camera
@@ -127,7 +127,7 @@ def test_the_commands_movie(spec: str, tmp_path: Path, monkeypatch: pytest.Monke
         session = Session(stage_of(monkeypatch, *arguments))
         count = 4 if name == "a.gif" else 2
         state = drawn(session)[-1].state
-        assert (state.frames, state.file, state.fps) == (count, str(file), 10 if name == "a.gif" else 25)
+        assert (state["frames"], state["file"], state["fps"]) == (count, str(file), 10 if name == "a.gif" else 25)
         assert [message.text for message in session.answer(Event("write"))][-1] == f"{file} is written"
         written = {path: path.read_bytes() for path in tmp_path.iterdir()}
         for path in written:

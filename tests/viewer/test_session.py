@@ -364,7 +364,7 @@ def test_rays_of_an_explanation(spec: str) -> None:
     (stopped, *_) = [line for line in shadows if line["kind"] == "in shadow"]
     assert tuple(stopped["end"]) == blocked[0].between[0].point
     state = drawn(session)[-1].state
-    matrix = np.reshape(state.projection, (3, 4))
+    matrix = np.reshape(state["projection"], (3, 4))
     x, y, w = matrix @ [*found.rays[0].hit.point, 1]
     assert (x / w, y / w) == pytest.approx((710.5, 402.5))
 
@@ -393,7 +393,7 @@ def test_field_of_view(session: Session, stage: Stage, spec: str) -> None:
         session.draw()
     smooth = drawn(session)[-1]
     home = stage.scene.camera
-    assert smooth.state.fov == 70
+    assert smooth.state["fov"] == 70
     assert session.camera == replace(home, horizontal_fov=35)
     assert 'horizontal_fov angle="35.0"' in next(session.answer(Event("copy", name="xml"))).text
     assert (pixels(smooth) == cltrace.render(stage.scene.seen_by(session.camera), spec, antialias=True).rgb8).all()
@@ -417,13 +417,13 @@ def test_samples(session: Session, tmp_path: Path, spec: str) -> None:
     drawn(session)
     session.handle(Event("samples", 4))
     smooth = drawn(session)[-1]
-    assert smooth.state.samples == 4
+    assert smooth.state["samples"] == 4
     assert smooth.data == command(tmp_path, "-d", spec, "--antialias", "--samples", "4")
     assert "samples=4" in next(session.answer(Event("copy", name="command"))).text
     session.handle(Event("samples", 5))
     assert session.samples == 4
     session.handle(Event("reset"))
-    assert drawn(session)[-1].state.samples == 32
+    assert drawn(session)[-1].state["samples"] == 32
 
 
 def test_lights(session: Session, stage: Stage, spec: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -432,8 +432,8 @@ def test_lights(session: Session, stage: Stage, spec: str, tmp_path: Path, monke
     session.handle(Event("light", 1, 0.25))
     session.handle(Event("light", 0, 2))
     smooth = drawn(session)[-1]
-    assert [share for _, share in smooth.state.lights] == [1, 0.25]
-    assert "(line " in smooth.state.lights[1][0]
+    assert [share for _, share in smooth.state["lights"]] == [1, 0.25]
+    assert "(line " in smooth.state["lights"][1][0]
     lights = stage.scene.lights.copy()
     lights["color"][1] *= 0.25
     dimmed = stage.scene.lit_by(lights)
@@ -448,7 +448,7 @@ def test_lights(session: Session, stage: Stage, spec: str, tmp_path: Path, monke
         assert (np.asarray(picture) == pixels(smooth)).all()
     assert (pixels(drawn(Session(stage))[-1]) != pixels(smooth)).any()
     session.handle(Event("reset"))
-    assert [share for _, share in drawn(session)[-1].state.lights] == [1, 1]
+    assert [share for _, share in drawn(session)[-1].state["lights"]] == [1, 1]
 
 
 @pytest.mark.slow
@@ -460,7 +460,7 @@ def test_error(session: Session, spec: str) -> None:
     assert (pixels(exact)[..., 0] == np.minimum(error * (255 / 16), 255).astype(np.uint8)).all()
     assert ", an estimate, " in exact.text
     assert f"the most is {error.max():.3g}" in exact.text
-    assert exact.state.view == "error"
+    assert exact.state["view"] == "error"
 
 
 def test_a_click_says_what_is_wrong_there(spec: str) -> None:
