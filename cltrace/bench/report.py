@@ -184,44 +184,28 @@ def _origin(results: Results) -> str:
 
 
 def ahead(results: Results) -> str:
-    """Where another program is ahead of cltrace, in Markdown: each of its points for which none of ours is as fast and
-    as right, beside the fastest of ours that is as right, or else the most right one."""
-    lines = []
-    scenes: dict[tuple[str, str], list[Point]] = {}
-    for point in results.points:
-        if point.group in GROUPS and point.frames and not math.isnan(_error(point)):
-            scenes.setdefault((point.group, point.scene), []).append(point)
-    for (group, scene), some in scenes.items():
-        ours = [point for point in some if not point.version]
-        for peer in (point for point in some if point.version and ours):
-            as_right = [one for one in ours if _error(one) <= (1 + EQUAL) * _error(peer)]
-            best = min(as_right, key=_time) if as_right else min(ours, key=_error)
-            if not as_right or _time(best) > _time(peer):
-                lines.append(f"{group}, {scene}: {_told(peer)}, ours {_told(best)}")
-    for key in dict.fromkeys((wait.scene, wait.way) for wait in results.waits):
-        asked = [wait for wait in results.waits if (wait.scene, wait.way) == key]
-        best_wait = min((wait for wait in asked if not wait.version), key=_time, default=None)
-        for wait in asked:
-            if best_wait and wait.version and _time(wait) < _time(best_wait):
-                times = f"{wait.tracer} {milliseconds(wait.time)} ms, ours {milliseconds(best_wait.time)} ms"
-                lines.append(f"{', '.join(key)}: {times}")
+    """Where another program is ahead of cltrace, in Markdown: by scene its points for which none of ours is as fast and
+    as right, and by way those that keep a user waiting for less time."""
+    found = dict[str, list[str]]()
+    points = [p for p in results.points if p.group in GROUPS and p.frames and not math.isnan(_error(p))]
+    for peer in (point for point in points if point.version):
+        ours = [one for one in points if not one.version and (one.group, one.scene) == (peer.group, peer.scene)]
+        beaten = (one.time.median <= peer.time.median and _error(one) <= (1 + EQUAL) * _error(peer) for one in ours)
+        if ours and not any(beaten):
+            found.setdefault(f"{peer.group}, {peer.scene}", []).append(peer.label)
+    for wait in (wait for wait in results.waits if wait.version):
+        own = [one for one in results.waits if not one.version and (one.scene, one.way) == (wait.scene, wait.way)]
+        if own and wait.time.median < min(one.time.median for one in own):
+            found.setdefault(f"{wait.scene}, {wait.way}", []).append(wait.tracer)
     head = f"Where another program is ahead of cltrace; errors within {100 * EQUAL:g} % of each other are equal:"
-    return "\n".join([f"{head}{'' if lines else ' nowhere.'}", "", *(f"- {line}" for line in lines)]).rstrip()
-
-
-def _time(row: Point | Wait) -> float:
-    return row.time.median
+    lines = [f"- {where}: {'; '.join(who)}" for where, who in found.items()]
+    return "\n".join([f"{head}{'' if lines else ' nowhere.'}", "", *lines]).rstrip()
 
 
 def _error(point: Point) -> float:
     """By which points are compared: RMS of what stands on a curve, else the share of pixels that differ."""
     found = point.differ if point.level is None else point.rms
     return math.nan if found is None else found
-
-
-def _told(point: Point) -> str:
-    size = percent(point.differ) if point.level is None else f"RMS {number(_error(point))}"
-    return f"{point.label} {milliseconds(point.time)} ms at {size}"
 
 
 # -------------------------------------------------------------------------------------------------------- two runs
@@ -319,5 +303,5 @@ def block(published: Results, work: Work) -> str:
 def aged(old: Work, now: Work) -> str:
     """Says that the figures are older than the code, if a frame takes other work today; else nothing."""
     scenes = [scene for scene in dict.fromkeys([*old, *now]) if old.get(scene) != now.get(scene)]
-    text = f"the counted work of {len(scenes)} scenes has changed: {'; '.join(scenes)}."
+    text = f"the counted work of {len(scenes)} scenes has changed."
     return f"**These figures are older than the code**: {text}" if scenes else ""
