@@ -12,6 +12,7 @@ import numpy as np
 from cltrace.base.arithmetic import dot
 from cltrace.exact.lines import ExactPoint, Frame, Line, Root
 from cltrace.exact.shapes import ExactSphere
+from cltrace.exact.surds import Surd
 
 Numbers = Sequence[float | Fraction]
 
@@ -95,7 +96,17 @@ def lit(
 def met(origin: Any, row: Any, sphere: ExactSphere) -> tuple[ExactPoint, ExactPoint, int]:
     """Where a ray meets a sphere first, that from its centre, and -1 from outside or 1 from inside."""
     root = root_of(origin, row, sphere)
-    return root.point(), root.point() - sphere.center, root.side
+    return point_at(root), point_at(root) - sphere.center, root.side
+
+
+def point_at(root: Root) -> ExactPoint:
+    """Where that is on a line with rational numbers: o + (b + side sqrt(D)) w / a."""
+    e, o = root.of, root.of.line.start
+    x, y, z = (
+        Surd(p.p * e.a.p + o.over * e.b.p * w.p, root.side * o.over * w.p, e.discriminant.p)
+        for p, w in zip(o.numbers, e.line.way, strict=True)
+    )
+    return ExactPoint((x, y, z), o.over * e.a.p)
 
 
 def root_of(origin: Any, row: Any, sphere: ExactSphere) -> Root:

@@ -15,12 +15,11 @@ from hostile.catalogue import Case
 from hostile.sphere_regimes import rays as camera_rays
 from hostile.sphere_scenes import Floats, directions
 from numpy.typing import NDArray
+from surface_rays import from_eye
 
 from cltrace import Image, Renderer, Scene
 from cltrace.bench.truth import white
-from cltrace.exact.lines import ExactPoint, Frame
 from cltrace.exact.shapes import ExactSphere
-from cltrace.oracle.rays import Points, Rays, along, at_point, turned
 from cltrace.oracle.scenes import kinds_of
 from cltrace.reference import byte_of, world_of
 from cltrace.reference.trace import primary_ray, trace
@@ -98,21 +97,6 @@ def looks_along_an_axis(camera: AnyCamera) -> bool:
     return set(np.abs(np.ravel(camera.basis()))) == {0.0, 1.0}
 
 
-def primary(scene: Scene) -> Rays:
-    """The rays of a picture's pixels, row by row from the top, exactly."""
-    camera = scene.camera
-    d, basis = camera_rays(camera), tuple(map(tuple, camera.basis()))
-    if not camera.parallel:
-        return along(at_point(camera.position, len(d)), d, basis)
-    # They start in a plane through the camera, at the same x and y at which other cameras' rays pass z = -1.
-    aside, eye, frame = d * (1, 1, 0), ExactPoint.of(list(camera.position)), Frame(basis)
-    anchor = np.broadcast_to(np.array(camera.position), d.shape)
-    start = Points(
-        (anchor, turned(aside, basis)), lambda i: eye + frame.to_world(aside[i].tolist()), np.full(len(d), -1)
-    )
-    return along(start, np.broadcast_to((0.0, 0.0, -1.0), d.shape), basis)
-
-
 @dataclass(frozen=True)
 class Hits:
     """What n pixels show.
@@ -131,11 +115,12 @@ class Hits:
 def hits(scene: Scene) -> Hits:
     """What the oracle says of every pixel."""
     kinds, d = kinds_of(scene), camera_rays(scene.camera)
-    found = kinds.closest(primary(scene))
+    rays = from_eye(scene, d)
+    found = kinds.closest(rays)
     index, primitive = (np.append(numbers, -1)[found.item] for numbers in (kinds.surface, kinds.primitive))
     # The distance is rounded once more than t.
     length = np.sqrt((d.astype(np.longdouble) ** 2).sum(axis=1))
-    return Hits(d, index, primitive, found.rounded() * (1 if scene.camera.parallel else length))
+    return Hits(d, index, primitive, kinds.rounded(rays, found) * (1 if scene.camera.parallel else length))
 
 
 def wrong_hits(scene: Scene, image: Image) -> list[int]:

@@ -1,25 +1,26 @@
-"""Arithmetic that several layers need: vectors of any numbers, sums of two doubles, and exact inverses of matrices.
+"""Arithmetic that several layers need: vectors of any numbers, pairs of doubles, and exact inverses of matrices.
 
 A pair (h, l) of arrays stands for the unevaluated sum h + l, with |l| <= u |h|, u = 2^-53. Three transformations are
 exact without over- and underflow: two_sum (Knuth, TAOCP 2, 4.2.2), quick_two_sum (Dekker 1971) where |x| >= |y|, and
 two_product (Veltkamp, Dekker 1971) for |x|, |y| < 2^996; the names are those of Ogita, Rump and Oishi 2005. For the
-four operations below, with all terms of order u^3 dropped (which the slack below pays for):
+four operations of Fine, with all terms of order u^3 dropped (which the slack below pays for):
 
-  add:   two roundings behind the exact sum of the h: x.l + y.l, and that to the error of the sum:
-         u u (|x| + |y|) + u (u + u) (|x| + |y|)                                      = 3 u^2 (|x| + |y|)
-  mul:   l l is dropped (1), two products h l are rounded (2), their sum (2), the sum with the error of h h (3):
-                                                                                        8 u^2 |x y|
-  div:   q = x.h / y.h is off by 3 u |x/y|, so R = x - q y <= 3 u |x|, found to 8 + 2 * 3 = 14 u^2 |x|;
-         R.h / y.h is off by another 3 u of 3 u |x/y|:                             14 + 9 = 23 u^2 |x/y|
-  sqrt:  q = sqrt(x.h) is off by 1.5 u sqrt(x), so R = x - q^2 <= 3 u x, found to 6 u^2 x;
-         R.h / (2 q) is off by 3 u of 1.5 u sqrt(x):                              3 + 4.5 = 8 u^2 sqrt(x)
+  +     two roundings behind the exact sum of the h: x.l + y.l, and that to the error of the sum:
+        u u (|x| + |y|) + u (u + u) (|x| + |y|)                                      = 3 u^2 (|x| + |y|)
+  *     l l is dropped (1), two products h l are rounded (2), their sum (2), the sum with the error of h h (3):
+                                                                                       8 u^2 |x y|
+  /     q = x.h / y.h is off by 3 u |x/y|, so R = x - q y <= 3 u |x|, found to 8 + 2 * 3 = 14 u^2 |x|;
+        R.h / y.h is off by another 3 u of 3 u |x/y|:                             14 + 9 = 23 u^2 |x/y|
+  root  q = sqrt(x.h) is off by 1.5 u sqrt(x), so R = x - q^2 <= 3 u x, found to 6 u^2 x;
+        R.h / (2 q) is off by 3 u of 1.5 u sqrt(x):                              3 + 4.5 = 8 u^2 sqrt(x)
 
-All are below EPS = 32 u^2 = 2^-101.
+All are below EPS = 32 u^2 = 2^-101. FLOOR covers what underflows; what overflows has an infinite error.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Protocol, TypeVar
 
@@ -28,12 +29,13 @@ from numpy.typing import NDArray
 
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
-Q = TypeVar("Q", int, Fraction)
+Q = TypeVar("Q", int, Fraction, "Fine")
 Rows = tuple[tuple[Q, Q, Q], tuple[Q, Q, Q], tuple[Q, Q, Q]]
 Floats = NDArray[np.float64]
 Pair = tuple[Floats, Floats]
 # The operations on pairs lose less than this share of their result.
 EPS = 2.0**-101
+FLOOR = 2.0**-1000
 
 
 # Vectors. All functions add and multiply in the same order, so that equal numbers give equal bits.
@@ -98,40 +100,93 @@ def two_product(x: Floats, y: Floats) -> Pair:
     return p, ((a * c - p) + a * d + b * c) + b * d
 
 
-def add(x: Pair, y: Pair) -> Pair:
-    s, e = two_sum(x[0], y[0])
-    return two_sum(s, e + (x[1] + y[1]))
-
-
 def add_quickly(x: Pair, y: Pair) -> Pair:
-    """The same but for the last digits of l where the sum of the h cancels to less than the rests."""
+    """x + y, but for the last digits of l where the sum of the h cancels to less than the rests."""
     s, e = two_sum(x[0], y[0])
     return quick_two_sum(s, e + (x[1] + y[1]))
 
 
-def neg(x: Pair) -> Pair:
-    return -x[0], -x[1]
+@dataclass(frozen=True, slots=True)
+class Fine:
+    """Pairs h + l with bounds of their errors, so that a sign is known to be right or known to be in doubt.
+
+    A bound may be rounded down by a few ulp: take twice of it. Each result's error is what the operands' errors make of
+    it, and EPS for the operation.
+    """
+
+    h: Floats
+    l: Floats  # noqa: E741
+    error: Floats
+
+    @classmethod
+    def of(cls, value: Floats) -> Fine:
+        """Doubles, which have no error."""
+        return cls(value, np.zeros_like(value), np.zeros_like(value))
+
+    @classmethod
+    def gap(cls, x: Floats, y: Floats) -> Fine:
+        """x - y, which has no error."""
+        return cls(*two_sum(x, -y), np.zeros_like(x))
+
+    def __neg__(self) -> Fine:
+        return Fine(-self.h, -self.l, self.error)
+
+    def __add__(self, other: Fine) -> Fine:
+        s, e = two_sum(self.h, other.h)
+        error = self.error + other.error + EPS * (np.abs(self.h) + np.abs(other.h))
+        return Fine(*two_sum(s, e + (self.l + other.l)), error)
+
+    def __sub__(self, other: Fine) -> Fine:
+        return self + -other
+
+    def __mul__(self, other: Fine) -> Fine:
+        (p, e), x, y = two_product(self.h, other.h), np.abs(self.h), np.abs(other.h)
+        lost = np.where((x > 0) & (y > 0), EPS * (x * y) + FLOOR, 0)
+        error = x * other.error + y * self.error + self.error * other.error + lost
+        return Fine(*two_sum(p, e + (self.h * other.l + self.l * other.h)), error)
+
+    def __truediv__(self, other: Fine) -> Fine:
+        """Infinite errors where the divisor is not known to half of itself."""
+        q, y = self.h / other.h, np.abs(other.h)
+        size = np.abs(q)
+        lost = np.where(self.h != 0, EPS * size + FLOOR * (1 + 2 / y), 0)
+        error = 2 * (self.error + size * other.error) / y + lost
+        rest = self - Fine.of(q) * other
+        return Fine(*two_sum(q, rest.h / other.h), np.where(y > 2 * other.error, error, np.inf))
+
+    def root(self) -> Fine:
+        """The square root of numbers that are surely > 0: off by error / (sqrt(x) + sqrt(exact x))."""
+        root = np.sqrt(self.h)
+        rest = self - Fine.of(root) * Fine.of(root)
+        return Fine(*two_sum(root, rest.h / (2 * root)), (self.error + FLOOR) / root + EPS * root)
+
+    def sign(self) -> NDArray[np.int8]:
+        """1 or -1 where it is sure, 0 where it is not."""
+        bound = 2 * self.error
+        return (self.h > bound).astype(np.int8) - (self.h < -bound).astype(np.int8)
+
+    @property
+    def is_rounded(self) -> NDArray[np.bool_]:
+        """Where h is surely the double that is nearest."""
+        low, high = (self.h + (self.l + sign * 2 * self.error) for sign in (-1, 1))
+        return np.asarray((low == self.h) & (high == self.h))
+
+    def __getitem__(self, rows: Any) -> Fine:
+        return Fine(self.h[rows], self.l[rows], self.error[rows])
 
 
-def where(mask: NDArray[np.bool_], x: Pair, y: Pair) -> Pair:
-    return np.where(mask, x[0], y[0]), np.where(mask, x[1], y[1])
+FineVector = tuple[Fine, Fine, Fine]
 
 
-def mul(x: Pair, y: Pair) -> Pair:
-    p, e = two_product(x[0], y[0])
-    return two_sum(p, e + (x[0] * y[1] + x[1] * y[0]))
+def fine_vector(v: Floats) -> FineVector:
+    """Vectors, (n, 3), which have no error."""
+    x, y, z = (Fine.of(v[:, i].copy()) for i in range(3))
+    return x, y, z
 
 
-def div(x: Pair, y: Pair) -> Pair:
-    q = x[0] / y[0]
-    rest = add(x, neg(mul((q, np.zeros_like(q)), y)))
-    return two_sum(q, rest[0] / y[0])
-
-
-def sqrt(x: Pair) -> Pair:
-    q = np.sqrt(x[0])
-    rest = add(x, neg(two_product(q, q)))
-    return two_sum(q, rest[0] / (2 * q))
+def select(mask: NDArray[np.bool_], x: Fine, y: Fine) -> Fine:
+    """x where the mask is true, y elsewhere."""
+    return Fine(np.where(mask, x.h, y.h), np.where(mask, x.l, y.l), np.where(mask, x.error, y.error))
 
 
 # Inverses of (3, 3) matrices.
@@ -177,36 +232,13 @@ def inverses(maps: Floats) -> Floats:
 
 
 def _rounded_inverses(maps: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """The inverses of (n, 3, 3) maps by pairs of doubles, and of which of them each number is surely rounded right.
-
-    With u = 2^-53, let P be the sum of the magnitudes of a cofactor's two products, and Q that of the determinant's
-    six. A cofactor is wrong by 4 u^2 P at most: its products are exact, and `add_quickly` of pairs whose rests
-    are within u loses no more. The determinant D is wrong by 4 u^2 Q for its cofactors, 3 u^2 Q for its products,
-    and 16 u^2 Q for two sums of pairs whose rests are within 2 u. A quotient q is wrong by 18 u^2 q for its own
-    steps, 4 u^2 P / |D| for the cofactor and 23 u^2 Q q / |D| for the determinant. As q <= P / |D|, that is within
-    32 u^2 (P + q Q) / |D| = 2^-101 of them. Eight times as much covers what is of higher order, where |D| > 2^-90
-    Q, and the rounding of the bound itself.
-    """
+    """The inverses of (n, 3, 3) maps by pairs of doubles, and of which of them each number is surely rounded right."""
     m = np.moveaxis(maps, 0, -1)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        # Indices that go round need no signs. Entry i, j is the cofactor of j, i.
-        i, j = np.ogrid[:3, :3]
-        a, b, c, d = m[j - 2, i - 2], m[j - 1, i - 1], m[j - 2, i - 1], m[j - 1, i - 2]
-        adjugate = add_quickly(two_product(a, b), two_product(-c, d))
-        size = np.abs(a * b) + np.abs(c * d)
-        high, low = two_product(m[0], adjugate[0][:, 0])
-        terms = high, low + m[0] * adjugate[1][:, 0]
-        x, y, z = ((terms[0][k], terms[1][k]) for k in range(3))
-        determinant = add_quickly(add_quickly(x, y), z)
-        whole = (np.abs(m[0]) * size[:, 0]).sum(axis=0)
-        quotient = adjugate[0] / determinant[0]
-        product = two_product(quotient, np.broadcast_to(determinant[0], quotient.shape))
-        rest = (((adjugate[0] - product[0]) - product[1]) + adjugate[1]) - quotient * determinant[1]
-        rest /= determinant[0]
-        error = 2.0**-98 * ((size + np.abs(quotient) * whole) / np.abs(determinant[0]))
-        result = quotient + (rest - error)
-        sure = (result == quotient + (rest + error)).all(axis=(0, 1)) & (np.abs(determinant[0]) > 2.0**-90 * whole)
-        return np.moveaxis(result + 0.0, -1, 0), sure
+    with np.errstate(all="ignore"):
+        rows, determinant = adjugate([[Fine.of(x) for x in row] for row in m])
+        numbers = [x / determinant for row in rows for x in row]
+    sure = np.all([x.is_rounded for x in numbers], axis=0)
+    return np.stack([x.h for x in numbers], axis=-1).reshape(-1, 3, 3) + 0.0, sure
 
 
 def _rounded_inverse(rows: list[list[float]]) -> Floats:

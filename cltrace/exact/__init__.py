@@ -5,5 +5,4 @@ Nothing is rounded but what it returns as a double.
 surds.py   numbers p + q sqrt(s) with integers
 lines.py   points, lines, where a line meets a surface, and the order of that
 shapes.py  spheres and ellipsoids, triangles, cylinders
-fine.py    pairs of doubles that count their errors, which decide most questions before integers do
 """

@@ -230,15 +230,6 @@ class Root:
                 return (low, nearest(middle), high)[self.sign_less(middle) + 1]
             bits *= 2
 
-    def point(self) -> ExactPoint:
-        """Where that is on a line with rational numbers: o + (b + side sqrt(D)) w / a."""
-        e, o = self.of, self.of.line.start
-        x, y, z = (
-            Surd(p.p * e.a.p + o.over * e.b.p * w.p, self.side * o.over * w.p, e.discriminant.p)
-            for p, w in zip(o.numbers, e.line.way, strict=True)
-        )
-        return ExactPoint((x, y, z), o.over * e.a.p)
-
 
 def nearest(x: Fraction) -> float:
     """The nearest double; infinite beyond the range of doubles."""

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.arithmetic import Floats
-from cltrace.oracle.cylinders import Cylinders
-from cltrace.oracle.rays import Ids, along, at_point
-from cltrace.oracle.search import Kind, Kinds
-from cltrace.oracle.spheres import Spheres, array_of
-from cltrace.oracle.triangles import Triangles
+from cltrace.oracle.search import Ids, Kind, Kinds, Rays
+from cltrace.oracle.shapes import Cylinders, Spheres, Triangles
 from cltrace.reference.ways import first_hits
 from cltrace.scene import Geometry, Scene
+from cltrace.scene.rules import numbers
 
 # The table of shapes.
 KINDS: tuple[type[Kind], ...] = (Triangles, Spheres, Cylinders)
@@ -34,8 +31,8 @@ def closest_hit(
     scene: Scene,
     origins: ArrayLike,
     directions: ArrayLike,
-    t_min: float | Floats = 0.0,
-    t_max: float | Floats = np.inf,
+    t_min: ArrayLike = 0.0,
+    t_max: ArrayLike = np.inf,
 ) -> Answer:
     """Find the first surface that each ray meets, exactly.
 
@@ -51,7 +48,7 @@ def closest_hit(
     scene : Scene
     origins, directions : array_like, shape (n, 3) or (3,)
         In the world, scene units; finite. Directions need not be normalized; `t` is in multiples of their length.
-    t_min, t_max : float or ndarray, shape (n,)
+    t_min, t_max : float or array_like, shape (n,)
         Only hits with ``t_min < t < t_max`` count.
 
     Returns
@@ -64,12 +61,12 @@ def closest_hit(
     ValueError
         If an array has another shape or is not finite, or a direction is 0. The message names the argument.
     """
-    o, d = rays_of(origins, directions)
+    o, d, low, high = checked_rays(origins, directions, t_min, t_max)
     if len(scene.planes):
-        met = first_hits(scene, o, d, *(np.broadcast_to(t, len(o)) for t in (t_min, t_max)))
+        met = first_hits(scene, o, d, low, high)
         return Answer(met.id, met.primitive, met.t)
     kinds = kinds_of(scene)
-    item, t = closest_item(kinds, o, d, t_min, t_max)
+    item, t = closest_item(kinds, o, d, low, high)
     id_, primitive = (np.append(numbers, -1)[item].astype(np.int32) for numbers in (kinds.surface, kinds.primitive))
     return Answer(id_, primitive, t)
 
@@ -80,36 +77,52 @@ def kinds_of(scene: Scene) -> Kinds:
 
 
 def closest_item(
-    kinds: Kinds,
-    o: Floats,
-    d: Floats,
-    t_min: float | Floats,
-    t_max: float | Floats,
-    pairs: tuple[Ids, Ids] | None = None,
+    kinds: Kinds, o: Floats, d: Floats, t_min: Floats, t_max: Floats, pairs: tuple[Ids, Ids] | None = None
 ) -> tuple[Ids, Floats]:
     """What rays, (n, 3), meet first: its row in `kinds`, -1 for none, and t, correctly rounded. pairs: (k,) rays,
     rising, and rows that may meet, None for all of them."""
     # Doubles need a finite start. No surface is before this one.
     with np.errstate(over="ignore"):
-        extent = np.abs(o).max(axis=1) + max(kind.extent for kind in kinds.kinds)
-        begin = -4 * extent / np.abs(d).max(axis=1)
-    low = np.where(np.isneginf(t_min), begin, t_min)
-    found = kinds.closest(replace(along(at_point(o, len(o)), d, np.eye(3)), t_min=low, t_max=t_max), pairs)
-    return found.item, found.rounded()
+        begin = -4 * (np.abs(o).max(axis=1) + kinds.extent) / np.abs(d).max(axis=1)
+    rays = Rays.of(o, d, np.where(np.isneginf(t_min), begin, t_min), t_max)
+    found = kinds.closest(rays, pairs)
+    return found.item, kinds.rounded(rays, found)
 
 
-def rays_of(origins: ArrayLike, directions: ArrayLike) -> tuple[Floats, Floats]:
-    """Both as (n, 3). Raises ValueError, which names the argument."""
-    given = {"origins": origins, "directions": directions}
-    arrays = [array_of(name, x, *(3,) if np.ndim(x) == 1 and np.size(x) else (-1, 3)) for name, x in given.items()]
-    o, d = (np.atleast_2d(x) for x in arrays)
-    if len(o) != len(d) and 1 not in (len(o), len(d)):
-        raise ValueError(f"directions: must be as many as origins, {len(o)}, or one, got {len(d)}")
-    none = np.flatnonzero(~d.any(axis=1))
+def checked_rays(
+    origins: ArrayLike, directions: ArrayLike, t_min: ArrayLike = 0.0, t_max: ArrayLike = np.inf
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """All arguments as arrays of the rays' number. Raises ValueError, which names the argument and the index."""
+    points = [_vectors("origins", origins), _vectors("directions", directions)]
+    none = np.flatnonzero(~points[1].any(axis=-1))
     if len(none):
-        raise ValueError(f"directions[{none[0]}]: must not be 0")
-    shape = (len(d) if len(o) == 1 else len(o), 3)
-    return np.broadcast_to(o, shape), np.broadcast_to(d, shape)
+        raise ValueError(f"directions{f'[{none[0]}]' if points[1].ndim == 2 else ''}: must not be 0")
+    ends = [numbers("t_min", t_min), numbers("t_max", t_max)]
+    counts = {len(x) for x in points if x.ndim == 2} | {len(x) for x in ends if x.ndim == 1}
+    n = max(counts, default=1)
+    for name, array, shape in zip(
+        ("origins", "directions", "t_min", "t_max"), (*points, *ends), ((n, 3), (n, 3), (n,), (n,)), strict=True
+    ):
+        if array.shape not in (shape, shape[1:]):
+            raise ValueError(f"{name}: must have shape {shape} or {shape[1:]}, got {array.shape}")
+        if np.isnan(array).any():
+            raise ValueError(f"{name}: must not be nan")
+    o, d = (np.broadcast_to(x, (n, 3)) for x in points)
+    low, high = (np.broadcast_to(x, (n,)) for x in ends)
+    return o, d, low, high
+
+
+def _vectors(name: str, value: ArrayLike) -> Floats:
+    array = numbers(name, value)
+    if array.shape == (0,):
+        array = array.reshape(0, 3)
+    if array.ndim not in (1, 2) or array.shape[-1] != 3:
+        raise ValueError(f"{name}: must have shape (n, 3) or (3,), got {array.shape}")
+    if not np.isfinite(array).all():
+        bad = np.argwhere(~np.isfinite(array))
+        where = "".join(f"[{i}]" for i in bad[0])
+        raise ValueError(f"{name}{where}: must be a finite number, got {array[tuple(bad[0])]:g}")
+    return array
 
 
 def triangles_met(
@@ -120,8 +133,8 @@ def triangles_met(
     origins, directions: as of closest_hit(); vertices: (v, 3); faces: (f, 3), indices of each triangle's corners.
     Raises ValueError, which names the argument.
     """
-    o, d = rays_of(origins, directions)
+    o, d, *_ = checked_rays(origins, directions)
     mesh = Geometry(vertices, faces)
     numbers = np.arange(len(mesh.faces))
     flat = Triangles(mesh.vertices, mesh.faces.astype(np.int64), 0 * numbers, numbers)
-    return Kinds([flat]).counts(along(at_point(o, len(o)), d, np.eye(3)))
+    return Kinds([flat]).counts(Rays.of(o, d))

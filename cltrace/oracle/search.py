@@ -1,28 +1,72 @@
 """What rays meet first, or at all, of surfaces of all kinds: the one search of the oracle.
 
-A kind of surfaces says what may meet, in doubles with bounds of their errors. What these leave in doubt is decided by
-the exact engine, in first_of().
+A kind of surfaces says what may meet, in pairs of doubles that count their errors. What these leave in doubt is decided
+by the exact engine, in first_of().
 """
 
 from __future__ import annotations
 
+import functools
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.base.arithmetic import Floats, dot
-from cltrace.exact.fine import Fine
+from cltrace.base.arithmetic import FLOOR, Fine, FineVector, Floats, fine_vector, minus
 from cltrace.exact.lines import ExactPoint, Line, Root
-from cltrace.oracle.rays import Ids, Points, Rays, rounded
 from cltrace.scene import Scene
 
 Bools = NDArray[np.bool_]
+Ids = NDArray[np.int64]
 
 PAIRS_AT_ONCE = 1 << 15  # so many pairs of a ray and a surface are looked at in one go
+
+
+@dataclass(frozen=True)
+class Rays:
+    """n rays from anchor + step along way, in the world.
+
+    anchor: (n, 3), exactly; step, way: in pairs, with infinite errors where only the exact engine decides; line(i): the
+    i-th ray, exactly; t_min, t_max: (n,), the ends of what counts, where t_min is that of the ray's start, and `step`
+    leads to where t is t_min; own: the kind of surfaces that rays leave, and (n,) which of these each one leaves.
+    """
+
+    anchor: Floats
+    step: FineVector
+    way: FineVector
+    line: Callable[[int], Line]
+    t_min: Floats
+    t_max: Floats
+    own: tuple[type[Kind], Ids] | None = None
+
+    @classmethod
+    def of(cls, o: Floats, d: Floats, t_min: float | Floats = 0.0, t_max: float | Floats = np.inf) -> Rays:
+        """From o along d, (n, 3)."""
+        low, high = (np.broadcast_to(t, len(o)) for t in (t_min, t_max))
+        x, y, z = way = fine_vector(d)
+        begin = Fine.of(low)
+        with np.errstate(all="ignore"):
+            step = (begin * x, begin * y, begin * z) if low.any() else fine_vector(np.zeros(d.shape))
+        return cls(o, step, way, lambda i: Line(ExactPoint.of(o[i].tolist()), ExactPoint.of(d[i].tolist())), low, high)
+
+    def __len__(self) -> int:
+        return len(self.anchor)
+
+    def to(self, points: Floats, ray: Ids) -> FineVector:
+        """From where rays start to points, (k, 3), the i-th ray of `ray` to the i-th point."""
+        x, y, z = (Fine.gap(points[:, i], self.anchor[ray, i]) for i in range(3))
+        return minus((x, y, z), at(self.step, ray))
+
+    def leaves(self, kind: Kind, ray: Ids, item: Ids) -> Bools:
+        """(k,): which of these pairs are a ray and the surface of a kind that it leaves."""
+        return self.own[1][ray] == item if self.own and isinstance(kind, self.own[0]) else np.zeros(len(ray), bool)
+
+
+def at(v: FineVector, rows: Ids) -> FineVector:
+    return v[0][rows], v[1][rows], v[2][rows]
 
 
 class Hits(NamedTuple):
@@ -32,6 +76,15 @@ class Hits(NamedTuple):
     item: Ids
     sure: Bools
     t: Fine
+
+    @classmethod
+    def of(cls, ray: Ids, item: Ids, sure: Bools, gone: Bools, t: Fine) -> Hits:
+        """Those of such pairs that do not surely pass each other by, with t where that is known well enough to help."""
+        t = replace(t, error=np.where(sure & (t.error < 2.0**-41 * t.h), t.error, np.inf))
+        return cls(ray, item, sure, t).at(np.flatnonzero(~gone))
+
+    def at(self, rows: NDArray[np.intp]) -> Hits:
+        return Hits(self.ray[rows], self.item[rows], self.sure[rows], self.t[rows])
 
 
 class Solid(Protocol):
@@ -51,46 +104,51 @@ class Kind(ABC):
     def of(cls, scene: Scene) -> Self:
         """All of a scene."""
 
-    @property
-    @abstractmethod
-    def extent(self) -> float:
-        """No coordinate of any point of them is larger than this."""
-
     def primitives(self) -> Ids:
         """(m,): the number of each one in its mesh, -1 for none."""
         return np.full(len(self.surface), -1)
 
+    @property
     @abstractmethod
-    def near(self, rays: Rays) -> tuple[Ids, Ids]:
-        """Rays and surfaces, (k,) rows each: all pairs that may meet, by a quick look in doubles."""
+    def balls(self) -> tuple[Floats, Floats]:
+        """Balls around them: centres, (m, 3), and radii, (m,), no matter how much too large."""
 
     @abstractmethod
     def hits(self, rays: Rays, ray: Ids, item: Ids) -> Hits:
-        """Those of these pairs that do not surely pass each other by, at t > 0."""
+        """Those of these pairs of a ray and a surface, (k,) each, that do not surely pass each other by, at t > 0."""
 
     @abstractmethod
     def solid(self, item: int) -> Solid:
         """One of them, exactly."""
 
 
-def near_balls(rays: Rays, centers: Floats, radii: Floats, known: Bools, most: float) -> tuple[Ids, Ids]:
-    """Rays and balls, (k,) rows each: all pairs that may meet. known: (m,), which balls doubles may rule out.
+def ball_around(points: Sequence[Floats], more: float | Floats = 0.0) -> tuple[Floats, Floats]:
+    """Balls around points, (m, 3) each, and as much more: centres and radii."""
+    center = np.mean(points, axis=0)
+    far = np.max([np.sqrt(((p - center) ** 2).sum(axis=1)) for p in points], axis=0)
+    return center, (far + more) * (1 + 2.0**-40)
+
+
+def near_balls(rays: Rays, rows: slice, centers: Floats, radii: Floats) -> tuple[Ids, Ids]:
+    """Some rays and balls, (k,) rows each: all pairs that may meet.
 
     With f from the start to a centre, R its radius and u = 2^-53, a ray along w passes by where |f x w| > R |w|, and
-    leads away where f.w < -R |w|. f = (C - anchor) - step is off by 2^-49 reach and 3 u (|f|_1 + reach), and w by 2^-50
-    of its length. So f x w and f.w are off by less than 2^-47 s length for s = |f|_1 + reach, and |w| by 2^-50 length.
-    Twice that covers the roundings beside these, and the rounding of a centre that is the middle of two points.
+    leads away where f.w < -R |w|. The first numbers of the step and of w have errors of less than 2^-50 reach and 2^-50
+    length, where reach and length are the sizes of step and w, and 2^52 times their errors. f = (C - anchor) - step has
+    an error of that and 3 u (|f|_1 + reach). So those of f x w and f.w are less than 2^-47 length far for far =
+    |f|_1 + reach, and that of |w| is 2^-50 length. Twice that covers all other roundings.
     """
-    assert rays.rough is not None
-    rough = rays.rough
-    w, length = rounded(rough.way).T[:, :, None], rough.length[:, None]
-    x, y, z = ((centers[:, i] - rough.anchor[:, i, None]) - rough.step[i].h[:, None] for i in range(3))
+
+    def size(v: FineVector) -> Floats:
+        return np.asarray(sum(np.abs(x.h[rows]) + 2.0**52 * x.error[rows] for x in v))[:, None]
+
+    w = [x.h[rows, None] for x in rays.way]
+    x, y, z = ((centers[:, i] - rays.anchor[rows, i, None]) - rays.step[i].h[rows, None] for i in range(3))
     u, v, s = y * w[2] - z * w[1], z * w[0] - x * w[2], x * w[1] - y * w[0]
-    size = (np.abs(x) + np.abs(y) + np.abs(z)) + rough.reach[:, None]
-    room = radii * (np.sqrt(dot(w, w)) + 2.0**-49 * length) + 2.0**-46 * (size + 1e-3 * radii) * length
-    beside = (u * u + v * v + s * s > room * room) | (x * w[0] + y * w[1] + z * w[2] < -room)
-    ray, item = np.nonzero(~(beside & rough.fits(most)[:, None] & known))
-    return ray, item
+    length, far = size(rays.way), (np.abs(x) + np.abs(y) + np.abs(z)) + size(rays.step)
+    room = radii * (np.hypot(np.hypot(w[0], w[1]), w[2]) + 2.0**-49 * length) + 2.0**-46 * far * length + FLOOR
+    ray, item = np.nonzero(~((u * u + v * v + s * s > room * room + FLOOR) | (x * w[0] + y * w[1] + z * w[2] < -room)))
+    return ray + rows.start, item
 
 
 class Kinds:
@@ -101,50 +159,48 @@ class Kinds:
 
     def __init__(self, kinds: Sequence[Kind]) -> None:
         self.kinds, self.first = kinds, np.cumsum([0, *(len(kind.surface) for kind in kinds)])
-        self._solids: dict[int, Solid] = {}
         self.surface = np.concatenate([kind.surface for kind in kinds])
         self.primitive = np.concatenate([kind.primitives() for kind in kinds])
+        self.balls = [kind.balls for kind in kinds]
+        self.solid = functools.cache(self._solid)
 
-    def hits(self, rays: Rays, pairs: tuple[Ids, Ids] | None = None) -> Iterator[tuple[slice, Rays, Hits]]:
-        """All hits, sure ones and others, for blocks of the rays. The rays of Hits are counted from the block's.
+    @property
+    def extent(self) -> float:
+        """No coordinate of any point of them is larger than this."""
+        return max(float((np.abs(c).max(axis=1) + r).max(initial=0)) for c, r in self.balls)
+
+    def hits(self, rays: Rays, pairs: tuple[Ids, Ids] | None = None) -> Iterator[tuple[slice, Hits]]:
+        """All hits, sure ones and others, for blocks of the rays.
 
         pairs: (k,) rays, rising, and surfaces that may meet, None for all.
         """
         many = int(self.first[-1]) if pairs is None else -(-len(pairs[0]) // max(1, len(rays)))
         size = max(1, PAIRS_AT_ONCE // max(1, many))
         for begin in range(0, len(rays), size):
-            rows = np.arange(begin, min(begin + size, len(rays)))
-            block, some = rays.at(rows), None
-            if pairs is not None:
-                one, end = np.searchsorted(pairs[0], (begin, begin + size))
-                some = pairs[0][one:end] - begin, pairs[1][one:end]
-            parts = [self._hits(kind, block, int(k), some) for kind, k in zip(self.kinds, self.first, strict=False)]
+            rows = slice(begin, min(begin + size, len(rays)))
+            given = slice(*np.searchsorted(pairs[0], (rows.start, rows.stop))) if pairs else None
+            parts = []
+            with np.errstate(all="ignore"):  # what is not finite is not sure
+                for kind, balls, first in zip(self.kinds, self.balls, self.first.tolist(), strict=False):
+                    if pairs is None:
+                        ray, item = near_balls(rays, rows, *balls)
+                    else:
+                        ray, item = pairs[0][given], pairs[1][given] - first
+                        own = (item >= 0) & (item < len(kind.surface))
+                        ray, item = ray[own], item[own]
+                    hits = _limited(kind.hits(rays, ray, item), rays)
+                    parts.append(hits._replace(item=hits.item + first))
             ray, item, sure = (np.concatenate([part[i] for part in parts]) for i in range(3))
             h, low, error = (np.concatenate([getattr(part.t, name) for part in parts]) for name in ("h", "l", "error"))
-            yield slice(begin, begin + len(rows)), block, Hits(ray, item, sure, Fine(h, low, error))
+            yield rows, Hits(ray, item, sure, Fine(h, low, error))
 
-    @staticmethod
-    def _hits(kind: Kind, rays: Rays, first: int, pairs: tuple[Ids, Ids] | None) -> Hits:
-        n, m = len(rays), len(kind.surface)
-        if pairs is not None:
-            own = (pairs[1] >= first) & (pairs[1] < first + m)
-            pairs = pairs[0][own], pairs[1][own] - first
-        with np.errstate(all="ignore"):  # what is not finite is not sure
-            if rays.rough is not None:
-                begun = rays.begun()
-                hits = _limited(kind.hits(begun, *(kind.near(begun) if pairs is None else pairs)), rays)
-            else:
-                ray, item = pairs or (np.repeat(np.arange(n), m), np.tile(np.arange(m), n))
-                t = Fine(np.zeros(len(ray)), np.zeros(len(ray)), np.full(len(ray), np.inf))
-                hits = Hits(ray, item, np.zeros(len(ray), bool), t)
-        return hits._replace(item=hits.item + first)
+    def _solid(self, item: int) -> Solid:
+        of = int(np.searchsorted(self.first, item, side="right")) - 1
+        return self.kinds[of].solid(item - int(self.first[of]))
 
     def root(self, rays: Rays, ray: int, item: int, line: Line | None = None) -> Root | None:
         """Where a ray meets a surface first within its range, exactly; line: the ray, if it is known already."""
-        if item not in self._solids:
-            of = int(np.searchsorted(self.first, item, side="right")) - 1
-            self._solids[item] = self.kinds[of].solid(item - int(self.first[of]))
-        return self._solids[item].first(line or rays.line(ray), *rays.range_of(ray))
+        return self.solid(item).first(line or rays.line(ray), float(rays.t_min[ray]), float(rays.t_max[ray]))
 
     def first_of(self, rays: Rays, ray: int, items: Sequence[int]) -> tuple[int, Root] | None:
         """Which of these a ray meets first, exactly. Of equally near ones, that is the one of the lowest number."""
@@ -159,80 +215,68 @@ class Kinds:
     def counts(self, rays: Rays) -> Ids:
         """(n,): how many surfaces each ray meets."""
         out = np.zeros(len(rays), int)
-        for part, block, hits in self.hits(rays):
+        for _, hits in self.hits(rays):
             met = hits.sure.copy()
             for k in np.flatnonzero(~met).tolist():
-                met[k] = self.root(block, int(hits.ray[k]), int(hits.item[k])) is not None
-            out[part] = np.bincount(hits.ray[met], minlength=len(block))
+                met[k] = self.root(rays, int(hits.ray[k]), int(hits.item[k])) is not None
+            np.add.at(out, hits.ray[met], 1)
         return out
-
-    def blocked(self, rays: Rays) -> Bools:
-        """(n,): whether each ray meets anything."""
-        return self.counts(rays) > 0
 
     def closest(self, rays: Rays, pairs: tuple[Ids, Ids] | None = None) -> Found:
         """What each ray meets first; of equally near surfaces, as first_of() has it. pairs: as of hits()."""
-        index, t, unsure = np.full(len(rays), -1), _none(len(rays)), np.zeros(len(rays), bool)
-        for part, block, hits in self.hits(rays, pairs):
-            item, near, doubt, kept = _nearest(len(block), hits)
-            begin = np.searchsorted(hits.ray[kept], np.arange(len(block) + 1))
-            for ray in np.flatnonzero(doubt).tolist():
-                first = self.first_of(block, ray, hits.item[kept[begin[ray] : begin[ray + 1]]].tolist())
-                item[ray], near.h[ray] = (first[0], float(first[1])) if first else (-1, np.inf)
-            near.l[doubt] = near.error[doubt] = 0
-            index[part], unsure[part], t.h[part], t.l[part], t.error[part] = (item, doubt, near.h, near.l, near.error)
-        return Found(self, rays, index, t, unsure)
+        n = len(rays)
+        found = Found(np.full(n, -1), Fine(np.full(n, np.inf), *np.zeros((2, n))), np.zeros(n, bool))
+        t = found.t
+        for rows, hits in self.hits(rays, pairs):
+            # By rays, and of each ray the first hit that is known, if any, comes first.
+            known = hits.sure & np.isfinite(hits.t.error)
+            order = np.lexsort((np.where(known, hits.t.h, np.inf), hits.ray))
+            hits, known = hits.at(order), known[order]
+            begin = np.searchsorted(hits.ray, np.arange(rows.start, rows.stop + 1))
+            best = begin[hits.ray - rows.start]
+            with np.errstate(all="ignore"):
+                kept = ~(known[best] & ((hits.t - hits.t[best]).sign() > 0))
+            first = best[known & (best == np.arange(len(best)))]
+            ray = hits.ray[first]
+            found.item[ray], t.h[ray] = hits.item[first], hits.t.h[first]
+            t.l[ray], t.error[ray] = hits.t.l[first], hits.t.error[first]
+            left = np.bincount(hits.ray[kept] - rows.start, minlength=len(begin) - 1) > (found.item[rows] >= 0)
+            for i in (np.flatnonzero(left) + rows.start).tolist():
+                its = slice(*begin[[i - rows.start, i - rows.start + 1]])
+                exact = self.first_of(rays, i, hits.item[its][kept[its]].tolist())
+                found.item[i], t.h[i] = (exact[0], float(exact[1])) if exact else (-1, np.inf)
+                t.l[i] = t.error[i] = 0
+                found.doubt[i] = True
+        return found
+
+    def rounded(self, rays: Rays, found: Found) -> Floats:
+        """The t of what was found, correctly rounded, (n,)."""
+        t = found.t.h.copy()
+        for row in np.flatnonzero(~found.is_rounded).tolist():
+            root = self.root(rays, row, int(found.item[row]))
+            assert root is not None
+            t[row] = float(root)
+        return t
 
 
 def _limited(hits: Hits, rays: Rays) -> Hits:
-    """Hits of rays that have begun at t_min, with t from their own starts, without those surely beyond t_max."""
-    if not np.any(rays.t_min) and np.all(rays.t_max == np.inf):
+    """Hits with t from the rays' own starts, without those surely beyond t_max."""
+    low, high = rays.t_min[hits.ray], rays.t_max[hits.ray]
+    if not low.any() and np.all(high == np.inf):
         return hits
-    low, high = (np.broadcast_to(end, len(rays))[hits.ray] for end in (rays.t_min, rays.t_max))
     t = hits.t + Fine.of(low)
-    t = Fine(t.h, t.l, np.where(np.isfinite(hits.t.error), t.error, np.inf))
     limited = np.isfinite(high)
     gap = (t - Fine.of(np.where(limited, high, 0))).sign()
     # A ray that starts in a triangle's plane never meets it, and moving the start has hidden that.
     sure = hits.sure & (~limited | (gap < 0)) & (t.sign() != 0)
-    kept = np.flatnonzero(~(hits.sure & limited & (gap > 0)) & (high > low))
-    return Hits(hits.ray[kept], hits.item[kept], sure[kept], t[kept])
+    kept = ~(hits.sure & limited & (gap > 0)) & (high > low)
+    return Hits(hits.ray, hits.item, sure, t).at(np.flatnonzero(kept))
 
 
-def _none(count: int) -> Fine:
-    return Fine(np.full(count, np.inf), np.zeros(count), np.zeros(count))
-
-
-def _nearest(count: int, hits: Hits) -> tuple[Ids, Fine, Bools, Ids]:
-    """Of so many rays, the first hit: item and t, (n,); which rays are in doubt about it, and the hits, (k,) rows by
-    rising ray and item, that are not surely behind another one."""
-    with np.errstate(all="ignore"):
-        known = np.flatnonzero(hits.sure & np.isfinite(hits.t.error))
-        known = known[np.lexsort((hits.t.h[known], hits.ray[known]))[::-1]]
-        best = np.full(count, -1)
-        best[hits.ray[known]] = known  # of equal indices, the last one counts
-        other = best[hits.ray]
-        behind = (other >= 0) & ((hits.t - hits.t[other]).sign() > 0) if len(hits.ray) else np.zeros(0, bool)
-    kept = np.flatnonzero(~behind)
-    kept = kept[np.lexsort((hits.item[kept], hits.ray[kept]))]
-    many = np.bincount(hits.ray[kept], minlength=count)
-    found = best >= 0
-    index, t = np.full(count, -1), _none(count)
-    rows = best[found]
-    index[found], t.h[found], t.l[found], t.error[found] = (
-        hits.item[rows],
-        *(x[rows] for x in (hits.t.h, hits.t.l, hits.t.error)),
-    )
-    return index, t, many > found, kept
-
-
-@dataclass(frozen=True)
-class Found:
-    """What n rays meet first. item: (n,), rows of Kinds, -1 for none; t: (n,), to 2^-20 of itself, inf for none; doubt:
+class Found(NamedTuple):
+    """What n rays meet first. item: (n,), rows of Kinds, -1 for none; t: (n,), to 2^-40 of itself, inf for none; doubt:
     (n,), which rays whole numbers decided."""
 
-    kinds: Kinds
-    rays: Rays
     item: Ids
     t: Fine
     doubt: Bools
@@ -240,27 +284,5 @@ class Found:
     @property
     def is_rounded(self) -> Bools:
         """(n,): whether t is known to be correctly rounded."""
-        h, low, error = self.t.h, self.t.l, self.t.error
         with np.errstate(all="ignore"):
-            return np.asarray((self.item < 0) | ((h + (low + 2 * error) == h) & (h + (low - 2 * error) == h)))
-
-    def rounded(self) -> Floats:
-        """t correctly rounded, (n,)."""
-        t = self.t.h.copy()
-        for row in np.flatnonzero(~self.is_rounded).tolist():
-            root = self.kinds.root(self.rays, row, int(self.item[row]))
-            assert root is not None
-            t[row] = float(root)
-        return t
-
-
-def on_hits(rays: Rays, of: Kind, own: Ids) -> Points:
-    """The points where rays with rational numbers meet surfaces of a kind; own: (n,), the row of each one."""
-
-    def place(i: int) -> ExactPoint:
-        root = of.solid(int(own[i])).first(rays.line(i), 0.0, np.inf)
-        if root is None:
-            raise ValueError("the ray does not hit the surface")
-        return root.point()
-
-    return Points(None, place, own, type(of))
+            return np.asarray((self.item < 0) | self.t.is_rounded)

@@ -11,15 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.arithmetic import Floats
 from cltrace.base.errors import DeviceError
-from cltrace.oracle.rays import Ids
-from cltrace.oracle.scenes import closest_item, kinds_of
+from cltrace.oracle.scenes import checked_rays, closest_item, kinds_of
+from cltrace.oracle.search import Ids
 from cltrace.reference.ways import FirstHits, first_hits
 from cltrace.renderers.surface_points import Rays, Spots, spots_of
 from cltrace.run.devices import choose
 from cltrace.run.rays import RayTracer
 from cltrace.run.trial import check_driver
 from cltrace.scene import Scene
-from cltrace.scene.rules import described, numbers
+from cltrace.scene.rules import described
 
 # Fewer rays are decided by the exact engine alone, as long as these are not more pairs of a ray and a surface, which
 # takes a second: so nobody waits for a compiler who asks about a few rays.
@@ -219,45 +219,9 @@ def trace_rays(
     """
     if not isinstance(scene, Scene):
         raise TypeError(f"scene: must be a cltrace.Scene, such as cltrace.load() gives, got {described(scene)}")
-    o, d, low, high = _checked(origins, directions, t_min, t_max)
+    o, d, low, high = checked_rays(origins, directions, t_min, t_max)
     if len(scene.planes):
         return ClippedHits(first_hits(scene, o, d, low, high))
     surfaces = surfaces_of(scene)
     item, t = surfaces.first_hits(scene, o, d, low, high)
     return Hits(surfaces, item, o, d, t)
-
-
-def _checked(
-    origins: ArrayLike, directions: ArrayLike, t_min: ArrayLike, t_max: ArrayLike
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """All arguments as arrays of the rays' number. Raises ValueError, which names the argument and the index."""
-    points = [_vectors("origins", origins), _vectors("directions", directions)]
-    none = np.flatnonzero(~points[1].any(axis=-1))
-    if len(none):
-        raise ValueError(f"directions{f'[{none[0]}]' if points[1].ndim == 2 else ''}: must not be 0")
-    ends = [numbers("t_min", t_min), numbers("t_max", t_max)]
-    counts = {len(x) for x in points if x.ndim == 2} | {len(x) for x in ends if x.ndim == 1}
-    n = max(counts, default=1)
-    for name, array, shape in zip(
-        ("origins", "directions", "t_min", "t_max"), (*points, *ends), ((n, 3), (n, 3), (n,), (n,)), strict=True
-    ):
-        if array.shape not in (shape, shape[1:]):
-            raise ValueError(f"{name}: must have shape {shape} or {shape[1:]}, got {array.shape}")
-        if np.isnan(array).any():
-            raise ValueError(f"{name}: must not be nan")
-    o, d = (np.broadcast_to(x, (n, 3)) for x in points)
-    low, high = (np.broadcast_to(x, (n,)) for x in ends)
-    return o, d, low, high
-
-
-def _vectors(name: str, value: ArrayLike) -> Floats:
-    array = numbers(name, value)
-    if array.shape == (0,):
-        array = array.reshape(0, 3)
-    if array.ndim not in (1, 2) or array.shape[-1] != 3:
-        raise ValueError(f"{name}: must have shape (n, 3) or (3,), got {array.shape}")
-    if not np.isfinite(array).all():
-        bad = np.argwhere(~np.isfinite(array))
-        where = "".join(f"[{i}]" for i in bad[0])
-        raise ValueError(f"{name}{where}: must be a finite number, got {array[tuple(bad[0])]:g}")
-    return array

@@ -11,14 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cltrace.base.arithmetic import Floats, Pair, add, cross, dot, mul, two_sum
+from cltrace.base.arithmetic import Fine, Floats, cross, dot, fine_vector, select
 from cltrace.base.arrays import blockwise
-from cltrace.exact.fine import Fine, fine_vector, select
-from cltrace.oracle.cylinders import Cylinders
-from cltrace.oracle.rays import Ids
-from cltrace.oracle.search import Kind
-from cltrace.oracle.spheres import Spheres
-from cltrace.oracle.triangles import Triangles
+from cltrace.oracle.search import Ids, Kind
+from cltrace.oracle.shapes import Cylinders, Spheres, Triangles
 from cltrace.scene import PlacedMesh
 
 
@@ -39,11 +35,10 @@ class Rays(NamedTuple):
             _, exponent = np.frexp(np.abs(d).max(axis=1))
             return cls(o, np.ldexp(d, -exponent[:, None]), np.ldexp(t, exponent))
 
-    def seen_from(self, place: Floats) -> Pair:
-        """(k, 3) in pairs: from these places to the points at t."""
-        t, zero = np.broadcast_to(self.t[:, None], self.w.shape), np.zeros_like(self.w)
-        back = two_sum(self.o, -place)
-        return add(mul((t, zero), (self.w, zero)), back)
+    def seen_from(self, place: Floats) -> Fine:
+        """(k, 3): from these places to the points at t."""
+        t = np.broadcast_to(self.t[:, None], self.w.shape)
+        return Fine.of(t) * Fine.of(self.w) + Fine.gap(self.o, place)
 
 
 class Spots(NamedTuple):
@@ -96,10 +91,10 @@ def _small_root(a: Floats, b: Floats, c: Floats, D: Floats) -> Floats:
 
 
 def _on_spheres(kind: Spheres, i: Ids, rays: Rays, with_uv: bool) -> Spots:
-    center, r, bent = kind.centers[i], kind.radii[i], kind.bent[i]
-    p, w = rays.seen_from(center)[0], rays.w
+    center, r = kind.centers[i], kind.radii[i]
+    p, w = rays.seen_from(center).h, rays.w
     own, along, maps = p, w, None
-    if bent.any():  # an ellipsoid is a sphere in its own axes
+    if (kind.bent[i] >= 0).any():  # an ellipsoid is a sphere in its own axes
         maps = kind.maps[i]
         own, along = (np.einsum("nij,nj->ni", maps, v) for v in (p, w))
     f, d = own.T, along.T
@@ -118,7 +113,7 @@ def _on_spheres(kind: Spheres, i: Ids, rays: Rays, with_uv: bool) -> Spots:
 def _on_cylinders(kind: Cylinders, i: Ids, rays: Rays, with_uv: bool) -> Spots:
     """On the flat end, the other one, or the side: where the point at t is the nearest, and on the rim on an end."""
     start, r, w = kind.starts[i], kind.radii[i], rays.w
-    p, u = rays.seen_from(start)[0], kind.ends[i] - kind.starts[i]
+    p, u = rays.seen_from(start).h, kind.ends[i] - kind.starts[i]
     uu, wu, pu = ((v * u).sum(axis=1) for v in (u, w, p))
     F, G, V = cross(p.T, u.T), cross(w.T, u.T), dot(u.T, cross(p.T, w.T))
     a = dot(G, G)
@@ -144,8 +139,8 @@ def _on_cylinders(kind: Cylinders, i: Ids, rays: Rays, with_uv: bool) -> Spots:
 def _on_triangles(kind: Triangles, meshes: tuple[PlacedMesh, ...], i: Ids, rays: Rays) -> Spots:
     """In pairs throughout: of a sliver, doubles do not know the plane, nor how much each corner counts."""
     A, B, C = (kind.vertices[kind.faces[i, k]] for k in range(3))
-    e, f = fine_vector(*two_sum(B, -A)), fine_vector(*two_sum(C, -A))
-    N, w, p = cross(e, f), fine_vector(rays.w), fine_vector(*rays.seen_from(A))
+    e, f, p = (tuple(v[:, k] for k in range(3)) for v in (Fine.gap(B, A), Fine.gap(C, A), rays.seen_from(A)))
+    N, w = cross(e, f), fine_vector(rays.w)
     s = dot(N, p) / dot(N, w)
     s = select(np.isfinite(s.error), s, Fine.of(np.zeros(len(i))))
     x, y, z = (v - s * along for v, along in zip(p, w, strict=True))

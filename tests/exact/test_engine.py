@@ -9,14 +9,13 @@ import pytest
 from hostile import bounced_regimes, mesh_regimes, rod_pictures
 from hostile.sphere_regimes import REGIMES, camera_space, rays
 from rational_meshes import doubles_mesh
+from surface_rays import along, blocked, closest, on_spheres, on_triangles, to_light
 
 from cltrace import Camera, Mesh, Scene
-from cltrace.oracle import closest, closest_hit
-from cltrace.oracle.rays import along, to_light
+from cltrace.oracle import closest_hit
 from cltrace.oracle.scenes import kinds_of
 from cltrace.oracle.search import Kinds
-from cltrace.oracle.spheres import Spheres, on_spheres
-from cltrace.oracle.triangles import Triangles, on_triangles
+from cltrace.oracle.shapes import Spheres, Triangles
 
 Named = tuple[int, int, judge.Surface]
 
@@ -68,16 +67,17 @@ def test_spheres_from_the_eye(name: str, regime: object) -> None:
 
 @pytest.mark.parametrize("name", list(bounced_regimes.REGIMES))
 def test_rays_and_shadows_from_spheres_and_ellipsoids(name: str) -> None:
-    seen, dark = set(), {False: 0, True: 0}
+    seen, count = set(), {False: 0, True: 0}
     for seed in range(3):
         scene = bounced_regimes.scene_of(name, seed)
         leaving, spheres, surfaces = bounced_regimes.rays_of(scene, 15, seed), Spheres.of(scene), surfaces_of(scene)
-        found = Kinds([spheres]).closest(leaving.path(spheres))
-        t = found.rounded()
+        kinds, paths = Kinds([spheres]), leaving.path(spheres)
+        found = kinds.closest(paths)
+        t = kinds.rounded(paths, found)
         rng = np.random.default_rng(seed)
         light = scene.spheres["center"][0] + scene.spheres["radius"][0] * rng.normal(size=3)
         points = on_spheres(spheres, leaving.own.astype(np.int64), leaving.normal, leaving.basis)
-        blocked = Kinds([spheres]).blocked(to_light(points, light, parallel=bool(seed % 2)))
+        dark = blocked(kinds, to_light(points, light, parallel=bool(seed % 2)))
         for k, own in enumerate(leaving.own.tolist()):
             ball = surfaces[own][2]
             assert isinstance(ball, judge.Ball)
@@ -87,10 +87,10 @@ def test_rays_and_shadows_from_spheres_and_ellipsoids(name: str) -> None:
                 agree(surfaces, (int(found.item[k]), -1, float(t[k])), start, in_world(scene, leaving.direction[k]))
             )
             want = judge.between([one[2] for one in surfaces], start, light, parallel=bool(seed % 2))
-            assert blocked[k] == want
-            dark[want] += 1
+            assert dark[k] == want
+            count[want] += 1
     assert len(seen) > 2
-    assert min(dark.values()) > 0
+    assert min(count.values()) > 0
 
 
 @pytest.mark.parametrize("name", list(mesh_regimes.REGIMES))
@@ -176,15 +176,16 @@ def test_rays_and_lights_from_points_of_surfaces(seed: int) -> None:
                 places.append(surface.point(in_world(scene, n[k]) if surface.to_object is None else n[k]))
         d = (a + (b - a) * rng.choice([0, 0.5, 0.25], (count, 1))) - np.array([[float(x) for x in p] for p in places])
         d[~d.any(axis=1)] = 1
-        found = kinds.closest(along(points, d, np.eye(3)))
-        t, light = found.rounded(), b[0] + (0, 0, 1.0)
-        blocked = Kinds([flat]).blocked(to_light(points, light, parallel=False))
-        parallel = kinds.blocked(to_light(points, light, parallel=True))
+        paths = along(points, d, np.eye(3))
+        found, light = kinds.closest(paths), b[0] + (0, 0, 1.0)
+        t = kinds.rounded(paths, found)
+        near = blocked(Kinds([flat]), to_light(points, light, parallel=False))
+        parallel = blocked(kinds, to_light(points, light, parallel=True))
         for k, place in enumerate(places):
             got = (np.append(numbers, -1)[found.item[k]] for numbers in (kinds.surface, kinds.primitive))
             agree(surfaces, (*map(int, got), float(t[k])), place, d[k])
             flats = [one[2] for one in surfaces if isinstance(one[2], judge.Flat)]
-            assert blocked[k] == judge.between(flats, place, light, parallel=False)
+            assert near[k] == judge.between(flats, place, light, parallel=False)
             assert parallel[k] == judge.between([one[2] for one in surfaces], place, light, parallel=True)
 
 

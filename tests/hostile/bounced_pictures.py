@@ -15,11 +15,11 @@ from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from surface_rays import along, at_point
 
 from cltrace.base.arithmetic import Floats
-from cltrace.oracle.rays import along, at_point
 from cltrace.oracle.search import Kinds
-from cltrace.oracle.spheres import Spheres
+from cltrace.oracle.shapes import Spheres
 from cltrace.picture.image import Image
 from cltrace.reference import OnSphere, World, world_of
 from cltrace.reference.spheres import Ellipsoid, Round
@@ -258,9 +258,10 @@ def _put_exact_t(t: Floats, surface: Ellipsoid, d: Vector, eye: Floats, rows: ND
     if len(rows):
         basis = np.array([tuple(row) for row in (surface.view.B.x, surface.view.B.y, surface.view.B.z)])
         K = np.array([tuple(row) for row in (surface.K.x, surface.K.y, surface.K.z)])
-        spheres = Spheres(np.array([tuple(surface.place)]), np.array([surface.radius]), [K], np.zeros(1, int))
+        zero = np.zeros(1, int)
+        kinds = Kinds([Spheres(np.array([tuple(surface.place)]), np.array([surface.radius]), zero, zero, K[None])])
         rays = along(at_point(eye, len(rows)), np.transpose(d)[rows], basis)
-        t[rows], done[rows] = Kinds([spheres]).closest(rays).rounded(), True
+        t[rows], done[rows] = kinds.rounded(rays, kinds.closest(rays)), True
     return done & (t < math.inf)
 
 

@@ -12,10 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from surface_rays import along, on_spheres
 
 from cltrace.base.arithmetic import Floats
-from cltrace.oracle.rays import Rays, along
-from cltrace.oracle.spheres import Spheres, on_spheres
+from cltrace.oracle.search import Rays
+from cltrace.oracle.shapes import Spheres
 from cltrace.scene import Camera, Scene
 
 Made = tuple[Floats, Floats, Floats]  # centers, radii, and what makes ellipsoids of them, (n, 3, 3)

@@ -12,13 +12,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from surface_rays import Points, along, blocked, from_eye, on_triangles, to_light
 
 from cltrace.base.arithmetic import Floats
 from cltrace.base.limits import MAX_BOUNCES
-from cltrace.oracle.rays import Ids, Points, Rays, along, at_point, rounded, to_light
-from cltrace.oracle.search import Kinds
-from cltrace.oracle.spheres import Spheres
-from cltrace.oracle.triangles import Triangles, on_triangles
+from cltrace.oracle.search import Ids, Kinds, Rays
+from cltrace.oracle.shapes import Spheres, Triangles
 from cltrace.reference import OnTriangle, Point, world_of
 from cltrace.reference.rays import view_of
 from cltrace.scene import AMBIENT, MATERIAL, PARALLEL, Geometry, PlacedMesh, Scene, ambient_light
@@ -47,8 +46,7 @@ class Verdict(NamedTuple):
 
 def primary(scene: Scene) -> Rays:
     """The rays of a picture's pixels, row by row from the top."""
-    d = camera_rays(scene.camera)
-    return along(at_point(scene.camera.position, len(d)), d, scene.camera.basis())
+    return from_eye(scene, camera_rays(scene.camera))
 
 
 def expected(scene: Scene) -> Seen:
@@ -138,10 +136,9 @@ def judge_light(scene: Scene, got: Seen, color: ArrayLike) -> Verdict:
     place = light["direction" if parallel else "position"]
     rays = to_light(left.points(triangles), place, parallel)
     n = np.transpose(left.normal) @ np.array(scene.camera.basis())
-    assert rays.rough is not None
-    way = rounded(rays.rough.way) * (1 if parallel else -1)
+    way = np.stack([x.h for x in rays.way], axis=1) * (1 if parallel else -1)
     cosine = (n * way).sum(axis=1) / np.linalg.norm(way, axis=1)
-    dark = Kinds([triangles]).blocked(rays) | (cosine < 0)
+    dark = blocked(Kinds([triangles]), rays) | (cosine < 0)
     black = ~np.asarray(color).reshape(-1, 3)[left.pixels].any(axis=1)
     judged = np.abs(cosine) > 2.0**-20
     wrong = judged & (dark != black)

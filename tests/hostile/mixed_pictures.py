@@ -11,12 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from surface_rays import along
 
 from cltrace.base.arithmetic import Floats
-from cltrace.oracle.rays import Ids, Rays, along
-from cltrace.oracle.search import Kinds
-from cltrace.oracle.spheres import Spheres
-from cltrace.oracle.triangles import Triangles
+from cltrace.oracle.search import Ids, Kinds, Rays
+from cltrace.oracle.shapes import Spheres, Triangles
 from cltrace.scene import MATERIAL, Camera, Geometry, Mesh, PlacedMesh, Scene, ambient_light
 
 from .bounced_pictures import DIGITS, names, second_rays

@@ -11,12 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from surface_rays import blocked, from_eye, on_hits, to_light
 
-from cltrace.oracle.cylinders import Cylinders
-from cltrace.oracle.rays import along, at_point, to_light
-from cltrace.oracle.search import Kinds, on_hits
-from cltrace.oracle.spheres import Spheres
-from cltrace.oracle.triangles import Triangles
+from cltrace.oracle.scenes import kinds_of
+from cltrace.oracle.search import Kinds
+from cltrace.oracle.shapes import Cylinders, Spheres
 from cltrace.picture.image import Image
 from cltrace.scene import PARALLEL, Camera, Scene, parallel_light, point_light
 from hostile.sphere_regimes import rays as camera_rays
@@ -230,11 +229,10 @@ def lit_of(name: str, seed: int, size: tuple[int, int]) -> Scene:
 
 def first_hits(scene: Scene) -> tuple[NDArray[np.int64], Floats]:
     """The number of the surface that each pixel's ray meets first, -1 for none, and how far away that is."""
-    kinds = [Triangles.of(scene), Spheres.of(scene), Cylinders.of(scene)]
-    d = camera_rays(scene.camera)
-    found = Kinds(kinds).closest(along(at_point(scene.camera.position, len(d)), d, scene.camera.basis()))
-    number = np.concatenate([*(kind.surface for kind in kinds), [-1]])[found.item]
-    return number, found.rounded() * np.sqrt((d * d).sum(axis=1))
+    kinds, d = kinds_of(scene), camera_rays(scene.camera)
+    rays = from_eye(scene, d)
+    found = kinds.closest(rays)
+    return np.append(kinds.surface, -1)[found.item], kinds.rounded(rays, found) * np.sqrt((d * d).sum(axis=1))
 
 
 def wrong_pixels(scene: Scene, ids: NDArray[np.int32], depth: Floats) -> int:
@@ -255,16 +253,16 @@ def wrong_shadows(scene: Scene, image: Image) -> tuple[int, int]:
     basis, parallel = np.array(scene.camera.basis()), bool(light["kind"] == PARALLEL)
     place = light["direction" if parallel else "position"]
     d, lit = camera_rays(scene.camera), np.asarray(image.color.reshape(-1, 3).any(axis=1))
-    rays = along(at_point(scene.camera.position, len(d)), d, basis)
+    rays = from_eye(scene, d)
     found = kinds.closest(rays)
-    far = np.where(found.item >= 0, found.rounded(), 0)
+    far = np.where(found.item >= 0, kinds.rounded(rays, found), 0)
     towards = np.broadcast_to(-place, d.shape) if parallel else place - scene.camera.position - far[:, None] * d @ basis
     faces = (image.normal.reshape(-1, 3) * towards).sum(axis=1) / np.linalg.norm(towards, axis=1)
     asked = wrong = 0
     for kind, first in zip(kinds.kinds, kinds.first, strict=False):
         its = (found.item >= first) & (found.item < first + len(kind.surface))
         rows = np.flatnonzero(its & (np.abs(faces) > 1e-6))
-        shadow = to_light(on_hits(rays.at(rows), kind, found.item[rows] - first), place, parallel)
-        wrong += int((lit[rows] != ((faces[rows] > 0) & ~kinds.blocked(shadow))).sum())
+        shadow = to_light(on_hits(rays, rows, kind, found.item[rows] - first), place, parallel)
+        wrong += int((lit[rows] != ((faces[rows] > 0) & ~blocked(kinds, shadow))).sum())
         asked += len(rows)
     return asked, wrong

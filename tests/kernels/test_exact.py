@@ -9,10 +9,10 @@ import pyopencl as cl
 import pytest
 from hostile.sphere_regimes import EDGES, REGIMES, camera_space, rays
 from stress_cases import pairs_on_a_plane
+from surface_rays import closest
 
 import cltrace
 from cltrace import Camera, Scene
-from cltrace.oracle.spheres import closest
 from cltrace.plan import opencl
 from cltrace.reference import world_of
 from cltrace.reference.trace import primary_ray, trace

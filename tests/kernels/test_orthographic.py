@@ -15,9 +15,8 @@ from stress_cases import pairs_on_a_plane
 import cltrace
 from cltrace import Camera, Image, Material, Mesh, Orthographic, Scene
 from cltrace.exact.lines import ExactPoint, Line
-from cltrace.oracle.rays import Rays
-from cltrace.oracle.search import Kinds
-from cltrace.oracle.spheres import Spheres
+from cltrace.oracle.search import Kinds, Rays
+from cltrace.oracle.shapes import Spheres
 from cltrace.picture.image import Output
 from cltrace.reference import world_of
 from cltrace.reference.trace import primary_ray, trace
@@ -49,9 +48,10 @@ def starts(camera: Orthographic) -> dict[tuple[int, int], tuple[Fraction, ...]]:
 def closest(places: list[tuple[Fraction, ...]], w: list[Fraction], spheres: Spheres) -> tuple[np.ndarray, np.ndarray]:
     """The sphere that each ray from one of these places along w meets first, -1 for none, and t; by whole numbers."""
     starts, direction = [ExactPoint.of(place) for place in places], ExactPoint.of(w)
-    rays = Rays(None, lambda i: Line(starts[i], direction), np.full(len(places), -1))
-    found = Kinds([spheres]).closest(rays)
-    return found.item, found.rounded()
+    rays = Rays.of(np.full((len(places), 3), np.nan), np.ones((len(places), 3)))  # of which doubles know nothing
+    rays, kinds = replace(rays, line=lambda i: Line(starts[i], direction)), Kinds([spheres])
+    found = kinds.closest(rays)
+    return found.item, kinds.rounded(rays, found)
 
 
 def drawn(

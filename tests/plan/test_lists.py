@@ -17,12 +17,11 @@ import numpy as np
 import pytest
 from hostile.sphere_scenes import aimed, balls, directions, limbs, looking, unit
 from numpy.typing import NDArray
+from surface_rays import spheres_at
 
 from cltrace import Scene, parallel_light, point_light
 from cltrace.bench.scenes import cloud, field
-from cltrace.oracle.rays import along, at_point
-from cltrace.oracle.search import Kinds
-from cltrace.oracle.spheres import Spheres
+from cltrace.oracle.search import Kinds, Rays
 from cltrace.plan import abi, lists, rounding
 from cltrace.plan.accel import grids
 from cltrace.plan.accel.silhouettes import Discs
@@ -196,8 +195,7 @@ def met(origin: Floats, d: Floats, scene: Scene) -> Floats:
     may = (across**2).sum(axis=2) <= size * (radius**2 * (1 + 1e-6) + 1e-12 * (f**2).sum(axis=2))
     t = np.full(may.shape, np.inf)
     ray, sphere = np.nonzero(may)
-    spheres = Spheres(center, radius, [None] * len(radius), np.arange(len(radius)))
-    kinds, rays = Kinds([spheres]), along(at_point(origin, len(d)), d, np.eye(3))
+    kinds, rays = Kinds([spheres_at(center, radius)]), Rays.of(origin, d)
     for i, k in zip(ray.tolist(), sphere.tolist(), strict=True):
         root = kinds.root(rays, i, k)
         t[i, k] = np.inf if root is None else float(root)

@@ -512,22 +512,11 @@ def test_the_oracle_counts_triangles() -> None:
     assert twice.tolist() == [2, 2, 0, 0, 2]
 
 
-@pytest.mark.parametrize(
-    ("origins", "directions", "text"),
-    [
-        ((0, 0, 0), (0, 0, 0), "directions[0]: must not be 0"),
-        (np.zeros((2, 3)), np.ones((3, 3)), "directions: must be as many as origins, 2, or one, got 3"),
-        ((0, 0, np.nan), (0, 0, 1), "origins: must be finite"),
-        ((0, 0), (0, 0, 1), "origins: must have shape (3,), got (2,)"),
-        ((0, 0, 0), np.ones((2, 2)), "directions: must have shape (n, 3), got (2, 2)"),
-    ],
-)
-def test_what_the_oracle_refuses(origins: object, directions: object, text: str) -> None:
+def test_the_oracle_refuses_the_same() -> None:
     scene = Scene.from_spheres(CAMERA, (), [(0, 0, 0)], 1)
     for ask in (
-        lambda: oracle.closest_hit(scene, origins, directions),
-        lambda: oracle.triangles_met(origins, directions, [(0, 0, 0)], np.zeros((0, 3), int)),
+        lambda: oracle.closest_hit(scene, (0, 0, 0), [(0, 0, 1), (0, 0, 0)]),
+        lambda: oracle.triangles_met((0, 0, 0), [(0, 0, 1), (0, 0, 0)], [(0, 0, 0)], np.zeros((0, 3), int)),
     ):
-        with pytest.raises(ValueError) as error:
+        with pytest.raises(ValueError, match=r"^directions\[1\]: must not be 0$"):
             ask()
-        assert str(error.value) == text

@@ -14,12 +14,13 @@ import pytest
 from exact_rays import blocked as blocked_from
 from exact_rays import closest_from
 from hostile import bounced_regimes
+from surface_rays import closest
 
 import cltrace
-from cltrace import Camera, Scene, oracle
+from cltrace import Camera, Scene
 from cltrace.exact.shapes import ExactSphere
 from cltrace.oracle.search import Kinds
-from cltrace.oracle.spheres import Spheres
+from cltrace.oracle.shapes import Spheres
 from cltrace.reference import (
     EYE,
     Direction,
@@ -464,7 +465,7 @@ def test_rays_that_all_but_touch(distance: float) -> None:
         side = np.cross(ahead, rng.normal(size=(50, 3)))
         side /= np.linalg.norm(side, axis=1)[:, None]
         rows = ahead * (math.sqrt((distance - 1) * (distance + 1)) / distance) + side / distance
-        index, _ = oracle.closest((0, 0, 0), rows, [center], [radius])
+        index, _ = closest((0, 0, 0), rows, [center], [radius])
         world = world_of(scene_of((*center, radius)))
         assert [closest_hit(world, Ray(EYE, Direction(*row))) is not None for row in rows] == (index == 0).tolist()
         hits += (index == 0).tolist()
@@ -843,14 +844,14 @@ def test_shadows_are_those_of_the_oracle() -> None:
     for seed, name in enumerate(bounced_regimes.REGIMES):
         scene = bounced_regimes.scene_of(name, seed)
         shapes, rays = Spheres.of(scene), bounced_regimes.rays_of(scene, 12, seed)
-        L = np.array([np.eye(3) if K is None else np.linalg.inv(K) for K in shapes.to_object])
+        L, bent = np.linalg.inv(shapes.maps), shapes.bent >= 0
         on = shapes.centers + shapes.radii[:, None] * np.einsum(
             "nij,nj->ni", L, [unit(v) for v in rng.normal(size=(len(L), 3))]
         )
         lights = [cltrace.point_light(tuple(p)) for p in on[:3]] + [cltrace.parallel_light(tuple(rng.normal(size=3)))]
         world = world_of(dataclasses.replace(scene, lights=np.concatenate(lights)))
         for own, q in zip(rays.own.tolist(), rays.normal.tolist(), strict=True):
-            surface, K = world.surfaces[own], shapes.to_object[own]
+            surface, K = world.surfaces[own], shapes.maps[own] if bent[own] else None
             assert isinstance(surface, Round)
             n = in_world(scene, q) if K is None else q
             start = exact_rays.OnSphere(shapes.centers[own], float(shapes.radii[own]), n, K)
@@ -858,7 +859,7 @@ def test_shadows_are_those_of_the_oracle() -> None:
                 outward = surface.outward(Direction(*q)).dot(lamp.direction_from(OnSphere(surface, Direction(*q)))) > 0
                 ray = ShadowRay(OnSphere(surface, Direction(*q)), not outward, lamp)
                 where, kind = (light["direction"], "parallel") if lamp.parallel else (light["position"], "point")
-                blocked = blocked_from(start, where, kind, shapes.centers, shapes.radii, shapes.to_object)
+                blocked = blocked_from(start, where, kind, shapes.centers, shapes.radii, list(shapes.maps))
                 assert any(s.blocks(ray) for s in world.surfaces) is blocked
                 found[blocked] += 1
     assert min(found.values()) > 50

@@ -18,11 +18,11 @@ from hostile.sphere_regimes import REGIMES, camera_space, rays
 from hypothesis import example, given
 from hypothesis import strategies as st
 from stress_cases import picture
+from surface_rays import closest
 
 import cltrace
 from cltrace import Camera, Scene
 from cltrace.base.arithmetic import two_product, two_sum
-from cltrace.oracle.spheres import closest
 from cltrace.plan.rounding import dot_products, square_excess
 from cltrace.reference import world_of
 from cltrace.reference.trace import closest_hit as reference_hit
