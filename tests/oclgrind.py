@@ -25,7 +25,6 @@ import cltrace
 from cltrace.base.limits import CHANGED
 from cltrace.run import program
 from cltrace.run.devices import Device
-from cltrace.run.trial import TRIAL
 
 ROOT = Path(__file__).parent.parent
 SIZE = (16, 12)
@@ -66,7 +65,6 @@ def faults_of(name: str, precision: str) -> str:
         child = (sys.executable, __file__, "draw", name, precision, str(drawn))
         # Its own options are not in the key of pyopencl's cache of programs.
         environment = os.environ | {
-            TRIAL: "1",
             "PYOPENCL_NO_CACHE": "1",
             "PYTHONPATH": str(ROOT),
             CHANGED: "seconds=100000",

@@ -4,7 +4,7 @@ A driver can end the whole process, as LLVM does where it cannot translate an in
 in a child process, whose death is then a line of the report:
 
     python -m cltrace.cli.doctor devices [SPEC]    prints one JSON object: all devices, and the one that SPEC means
-    python -m cltrace.cli.doctor draw P:D [WIDTH]  draws a small picture; without WIDTH, status 0 if it is right
+    python -m cltrace.cli.doctor draw P:D          draws a small picture, with status 0 if it is right
 """
 
 from __future__ import annotations
@@ -12,21 +12,26 @@ from __future__ import annotations
 import json
 import os
 import platform
+import signal
+import subprocess
 import sys
 from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import pyopencl as cl
 
 import cltrace
+from cltrace.base import limits
 from cltrace.base.errors import CltraceError
 from cltrace.run import caches
 from cltrace.run.devices import choose, devices, where_drivers_are
-from cltrace.run.trial import child
 from cltrace.students.check import check
 
 LOAD = "import ctypes, sys; ctypes.CDLL(sys.argv[1])"
+# Seconds until a child is given up: a driver's first program has taken 12 seconds on a busy machine.
+PATIENCE = 120
 PACKAGES = ("numpy", "pyopencl", "lxml", "pillow", "pocl-binary-distribution", "intel-opencl-rt")
 
 
@@ -61,6 +66,25 @@ def doctor(spec: str | None = None, say: Callable[[str], None] = print) -> int:
         if spec not in (None, "gpu"):  # only the name is wrong
             return 3
     return _advise(say, well)
+
+
+def child(*arguments: str) -> tuple[int, str]:
+    """Status and last line of another Python; what ended it, if it did not end by itself."""
+    # -P: what lies in the current folder is not imported. Limits are for scenes of strangers.
+    environment = {name: value for name, value in os.environ.items() if name != limits.CHANGED}
+    how: dict[str, Any] = {"stdin": subprocess.DEVNULL, "capture_output": True, "errors": "replace"}
+    try:
+        done = subprocess.run([sys.executable, "-P", *arguments], timeout=PATIENCE, check=False, env=environment, **how)
+    except subprocess.TimeoutExpired:
+        return 1, f"no answer within {PATIENCE} seconds"
+    except OSError as error:
+        return 1, f"no other process can be begun: {error.strerror}"
+    said, complaint = ((text.strip().splitlines() or [""])[-1].strip() for text in (done.stdout, done.stderr))
+    if done.returncode >= 0:
+        return done.returncode, said or complaint or f"exit status {done.returncode}"
+    ending = -done.returncode
+    name = signal.Signals(ending).name if ending in set(signal.Signals) else f"signal {ending}"
+    return done.returncode, f"the driver ended the process with {name}{complaint and f': {complaint}'}"
 
 
 def _asked(spec: str | None) -> str:
@@ -159,17 +183,15 @@ def _list(spec: str | None = None) -> int:
     return 0
 
 
-def _draw(spec: str, width: str | None = None) -> int:
-    """Draws, and without a width compares with the reference: else a picture that is drawn is enough."""
+def _draw(spec: str) -> int:
+    """Draws, and compares with the reference."""
     scene = picture()
     try:
-        renderer = cltrace.Renderer(scene, spec, outputs=("rgb8", "id"), width=None if width is None else int(width))
+        renderer = cltrace.Renderer(scene, spec, outputs=("rgb8", "id"))
         image = renderer.render()
     except CltraceError as error:
         print(" ".join(str(error).split()))
         return error.exit_code
-    if width is not None:
-        return 0
     report = check(scene, image, renderer.precision, 48 * 36)
     if report.ok:
         print(f"{report.pixels} pixels in {renderer.precision} precision are as the reference draws them")

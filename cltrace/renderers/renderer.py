@@ -24,10 +24,9 @@ from cltrace.plan.plan import Plan, passes_of
 from cltrace.plan.request import WIDTHS, Crop, Keep, Region, Request, is_whole
 from cltrace.plan.view import CameraView
 from cltrace.plan.world import Before, ScenePacking
-from cltrace.run.devices import Device, check_process, choose, driver_errors
+from cltrace.run.devices import DRIVERS, Device, check_process, choose, driver_errors
 from cltrace.run.executor import Executor, FrameBuffers, Made, bytes_a_pixel, deadline
 from cltrace.run.pack.packers import Packer, packer_of
-from cltrace.run.trial import check_driver
 from cltrace.scene import AnyCamera, Scene, share_all_but_camera, with_spheres
 
 # How many samples antialias=True takes.
@@ -257,6 +256,8 @@ class Renderer:
         at = device if isinstance(device, Device) else choose(device)
         if width is not None and (not is_whole(width) or width not in WIDTHS):
             raise ValueError(f"width: must be {', '.join(map(str, WIDTHS))} or None, got {width!r}")
+        if at.kind == "cpu" and at.record in DRIVERS and (width or 0) > at.width:
+            raise DeviceError(f"{at.name} has packets of {at.width} pixels at most: wider ones end the process")
         settings = _Settings(
             at, at.width if width is None else int(width), precision or default_precision(at), outputs, (outline, fog)
         )
@@ -269,7 +270,6 @@ class Renderer:
                 f"{at.name} has no double precision, which --precision {request.precision} needs; "
                 "use --precision single or another device"
             )
-        check_driver(at, settings.width)
         start = time.perf_counter()
         world = ScenePacking.of(scene, request)
         self._lock, self._now = threading.Lock(), _Prepared.of(settings, scene, request, world, start)

@@ -39,15 +39,13 @@ class Driver:
 
     pattern: a regular expression for the platform's name and version, a space, and the device's name; width: pixels in
     a packet; rank: the lower, the faster, so that of two drivers for one CPU the faster one is taken when none is asked
-    for; flags: names of -D flags that it needs; known: whether it was measured, so that this width does not end the
-    process.
+    for; flags: names of -D flags that it needs.
     """
 
     pattern: str
     width: int
     rank: int
     flags: tuple[str, ...] = ()
-    known: bool = True
 
 
 # ms a frame at 1920x1080 of 16, 1,000 and 100,000 spheres in a box, on 2 cores with AVX-512, 2026-11-21:
@@ -62,9 +60,9 @@ DRIVERS = (
     # Its compiler is older than the CPU, whose kind it leaves out of the name: any 512 bits abort the whole process.
     Driver(r"PoCL 3\.0", 4, 2, ("NO_FMA",)),
     Driver(r"PoCL 3\.1", 16, 0),
-    Driver(r"PoCL", 16, 0, known=False),
+    Driver(r"PoCL", 16, 0),
 )
-OTHER_CPU = Driver("", 8, 3, known=False)
+OTHER_CPU = Driver("", 8, 3)
 
 
 @dataclass(frozen=True)

@@ -301,7 +301,6 @@ def test_few_rays_wait_for_no_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
     for device in (None, SimpleNamespace(has_double=False)):
         inside._known.clear()
         monkeypatch.setattr(inside, "choose", lambda device=device: device or _no_device())
-        monkeypatch.setattr(inside, "check_driver", lambda device, width: None)
         same(trace_rays(scene, o, -o), want)
 
 

@@ -21,7 +21,7 @@ import cltrace
 from cltrace.base.errors import BuildError
 from cltrace.renderers.renderer import strips
 from cltrace.run import program
-from cltrace.run.devices import Device
+from cltrace.run.devices import DRIVERS, Device
 from cltrace.run.program import Kernel
 
 # Quotients may be off by 2.5 ulp and roots by 3, unless a device says that it rounds them to the nearest.
@@ -144,6 +144,14 @@ def test_single_draws_right(name: str, want: cltrace.Image, poor: Device) -> Non
 def test_doubles_that_are_not_there_are_refused(poor: Device) -> None:
     with pytest.raises(cltrace.DeviceError, match="double"):
         cltrace.render(scene_of("first"), poor, "accurate")
+
+
+def test_packets_that_would_end_the_process_are_refused(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As those of 16 pixels by PoCL 3.0, whose LLVM has no square root of 16 floats."""
+    monkeypatch.setattr(Device, "kind", "cpu")
+    monkeypatch.setattr(Device, "record", next(driver for driver in DRIVERS if driver.width == 8))
+    with pytest.raises(cltrace.DeviceError, match="has packets of 8 pixels at most: wider ones end the process"):
+        cltrace.Renderer(scene_of("first"), device, width=16)
 
 
 @pytest.mark.parametrize("doubles", [False], ids=["no doubles"])
