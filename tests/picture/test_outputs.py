@@ -19,7 +19,7 @@ from random_scenes import usual_scene
 
 import cltrace
 from cltrace import Image, cli
-from cltrace.picture import palettes, storing
+from cltrace.picture import storing
 from cltrace.picture.image import OUTPUTS
 
 SCENE = Path(__file__).parents[2] / "scenes" / "first.xml"
@@ -75,34 +75,28 @@ def test_16_bits(image: Image, tmp_path: Path) -> None:
     assert np.array_equal(png16((tmp_path / "c.png").read_bytes())[..., 3], image.rgba8[..., 3].astype(int) * 257)
 
 
-def test_tiff_jpeg_and_sizes_in_print(image: Image, tmp_path: Path) -> None:
-    for name in ("a.tif", "a.TIFF"):
-        image.save(tmp_path / name, dpi=300)
-        with Picture.open(tmp_path / name) as found:
-            assert found.format == "TIFF"
-            assert np.array_equal(np.asarray(found), image.rgba8)
-            assert tuple(map(float, found.info["dpi"])) == (300, 300)
-    image.save(tmp_path / "id.tif", "id")
-    with Picture.open(tmp_path / "id.tif") as found:
-        assert np.array_equal(np.asarray(found), image.as_rgb8("id"))
-    for name in ("a.jpg", "a.jpeg"):
-        image.save(tmp_path / name, dpi=150)
-        with Picture.open(tmp_path / name) as found:
-            assert (found.format, found.mode, found.info["dpi"]) == ("JPEG", "RGB", (150, 150))
-            assert np.abs(np.asarray(found).astype(int) - image.rgb8).mean() < 4
-    image.save(tmp_path / "a.png", dpi=600)
-    with Picture.open(tmp_path / "a.png") as found:
-        assert np.array_equal(np.asarray(found), image.rgba8)
-        assert found.info["dpi"] == pytest.approx((600, 600), abs=0.02)  # in whole pixels a metre
-    for target, dpi, words in (
-        ("a.npy", 300, r"^dpi: goes with .png, .tif, .tiff, .jpg, .jpeg, got .npy$"),
-        ("b.png", 0, r"^dpi: must be a number within 0.1..1000000, got 0$"),
-        ("c.jpg", 1e6, r"^dpi: must be within 1..65535 in a JPEG, got 1e\+06$"),
-        ("b.png", "300", r"^dpi: must be a number within 0.1..1000000, got '300'$"),
-    ):
-        with pytest.raises(ValueError, match=words):
-            image.save(tmp_path / target, dpi=dpi)  # type: ignore[arg-type]
-        assert not (tmp_path / target).exists()
+@pytest.mark.parametrize(
+    ("name", "show", "kind", "mode", "dpi"),
+    [
+        ("a.tif", "color", "TIFF", "RGBA", 300),
+        ("a.TIFF", "id", "TIFF", "RGB", 300),
+        ("a.jpg", "color", "JPEG", "RGB", 150),
+        ("a.jpeg", "color", "JPEG", "RGB", 150),
+        ("a.png", "color", "PNG", "RGBA", 600),
+    ],
+)
+def test_files_of_pillow_and_sizes_in_print(
+    name: str, show: Any, kind: str, mode: str, dpi: float, image: Image, tmp_path: Path
+) -> None:
+    image.save(tmp_path / name, show, dpi=dpi)
+    with Picture.open(tmp_path / name) as found:
+        assert (found.format, found.mode) == (kind, mode)
+        assert [*map(float, found.info["dpi"])] == pytest.approx((dpi, dpi), abs=0.02)  # a PNG's are whole ones a metre
+        pixels = np.asarray(found).astype(int)
+    if kind == "JPEG":
+        assert np.abs(pixels - image.rgb8).mean() < 4
+    else:
+        assert np.array_equal(pixels, image.rgba8 if show == "color" else image.as_rgb8(show))
 
 
 def test_an_array_of_what_is_shown(image: Image, tmp_path: Path) -> None:
@@ -179,6 +173,10 @@ def test_channels_of_an_exr(image: Image, tmp_path: Path) -> None:
         ("a.npz", {"outputs": ()}, "outputs: must be some of rgb8, id, got ()"),
         ("a.exr", {}, "outputs: the image has no color; ask for it with outputs=('rgb8', 'id', 'color')"),
         ("a.exr", {"outputs": ("rgb8",)}, "outputs: an EXR has none of rgb8, only of color, alpha, depth, normal, "),
+        ("a.npy", {"dpi": 300}, "dpi: goes with .png, .tif, .tiff, .jpg, .jpeg, got .npy"),
+        ("a.png", {"dpi": 0}, "dpi: must be a number within 0.1..1000000, got 0"),
+        ("a.png", {"dpi": "300"}, "dpi: must be a number within 0.1..1000000, got '300'"),
+        ("a.jpg", {"dpi": 1e6}, "dpi: must be within 1..65535 in a JPEG, got 1e+06"),
     ],
 )
 def test_what_makes_no_file_is_said(name: str, options: dict[str, Any], message: str, tmp_path: Path) -> None:
@@ -194,9 +192,11 @@ def run(*options: object, scene: Path = SCENE) -> int:
     return cli.main([str(scene), "--size", "90x60", "-q", *map(str, options)])
 
 
-def test_one_run_writes_many_files(tmp_path: Path) -> None:
+def test_one_run_writes_many_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     names = [tmp_path / f"a.{suffix}" for suffix in ("png", "exr", "npy", "npz")]
-    assert run(*(part for name in names for part in ("-o", name)), scene=MESHES) == 0
+    assert run(*(part for name in names for part in ("-o", name)), "--stats=json", scene=MESHES) == 0
+    stats = json.loads(capsys.readouterr().out)
+    assert {"OUT_RGB8", "OUT_COLOR", "OUT_NORMAL", "OUT_DEPTH", "OUT_ID"} <= set(stats["features"])
     scene = cltrace.load(MESHES)
     scene = scene.seen_by(cltrace.Camera(**{**vars(scene.camera), "resolution": (90, 60)}))
     image = cltrace.render(scene, outputs=("rgb8", "color", "alpha", "depth", "normal", "id", "primitive"))
@@ -280,12 +280,6 @@ def test_a_pipe_is_written_into(suffix: str, tmp_path: Path) -> None:
         assert got[0] == (tmp_path / f"b{suffix}").read_bytes()
 
 
-def test_stats_of_many_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("-o", tmp_path / "a.npz", "-o", tmp_path / "a.png", "--stats=json", scene=SHADOWS) == 0
-    stats = json.loads(capsys.readouterr().out)
-    assert {"OUT_RGB8", "OUT_COLOR", "OUT_NORMAL", "OUT_DEPTH", "OUT_ID"} <= set(stats["features"])
-
-
 @pytest.mark.parametrize("how", [{"bits": 16}, *({"show": show} for show in ("id", "normal", "uv", "depth"))])
 def test_memory_that_writing_takes(how: dict[str, Any], tmp_path: Path) -> None:
     """Little more than the bytes that are written, 8 for a pixel at most; it was up to 96."""
@@ -303,11 +297,8 @@ def test_memory_that_writing_takes(how: dict[str, Any], tmp_path: Path) -> None:
     assert peak < 8 * 1024 * 512 + 2**22 + 2**21
 
 
-@pytest.mark.parametrize("shape", [(1, 3), (64, 3), (130, 2)])
-def test_pictures_of_any_height_are_made_of_rows(shape: tuple[int, int], tmp_path: Path) -> None:
-    rng = np.random.default_rng(2)
-    levels = rng.integers(0, 65536, (*shape, 3))
-    image = Image(color=(levels / 65535).astype(np.float32), id=rng.integers(-1, 9, shape, np.int32))
-    image.save(tmp_path / "a.png", bits=16)
+@pytest.mark.parametrize("height", [1, 64, 130])
+def test_pictures_of_any_height_are_made_of_rows(height: int, tmp_path: Path) -> None:
+    levels = np.random.default_rng(2).integers(0, 65536, (height, 3, 3))
+    Image(color=(levels / 65535).astype(np.float32)).save(tmp_path / "a.png", bits=16)
     assert np.array_equal(png16((tmp_path / "a.png").read_bytes()), levels)
-    assert np.array_equal(image.as_rgb8("id"), palettes.distinct(image.id))
