@@ -136,15 +136,3 @@ def test_the_commands_movie(spec: str, tmp_path: Path, monkeypatch: pytest.Monke
         assert {path: path.read_bytes() for path in tmp_path.iterdir()} == written
         for path in written:
             path.unlink()
-
-
-def test_what_does_not_go_together(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    def fault(*arguments: str) -> str:
-        assert cli.main(["view", str(FILE), *arguments]) == 2
-        return capsys.readouterr().err
-
-    assert fault("--fps", "9") == "cltrace: --view takes no --fps\n"
-    assert fault("--orbit", "9", "-o", "-") == "cltrace: -o - is for one picture, of one scene\n"
-    assert "--frames: there are only 9 frames" in fault("--orbit", "9", "--frames", "9")
-    assert "must end in" in fault("--orbit", "9", "-o", str(tmp_path / "a.tiff"))
-    assert fault("--orbit", "9", "--fps", "3").startswith("cltrace: --fps goes with --orbit and a movie")
