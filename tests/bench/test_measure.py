@@ -202,25 +202,6 @@ def test_errors_are_those_of_the_picture() -> None:
     assert point.rms == pytest.approx(255 / math.sqrt(27 * 48))
 
 
-@pytest.mark.stress
-@pytest.mark.parametrize("quick", [True, False])
-def test_measuring(any_device: Device, quick: bool) -> None:
-    """Every tracer has a point with times and errors."""
-    case = scenes.Case("a few", scenes.ORDINARY, scenes.cloud(16, SMALL))
-    every = tracers.own_tracers(any_device, ("accurate", "single", "double"), quick, stages=not quick)
-    points = measure.measure(case, every, measure.truth_of(case, any_device), quiet, rounds=2)
-    assert [point.label for point in points] == [each.label for each in every if each.task == "frame"]
-    for point in points:
-        assert not point.note
-        assert len(point.whole) == len(point.frames) == 2
-        assert Spread.of(point.whole).high >= point.time.low > 0
-        assert point.differ is not None
-        if point.label in ("accurate", "double"):
-            assert point.errors
-            assert (point.errors.wrong_ids, point.errors.false_shadows, point.errors.leaks) == (0, 0, 0)
-            assert point.errors.t_ulp <= 0.52
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("task", ["cameras", "positions"])
 def test_what_moves_ends_at_the_scene(any_device: Device, task: scenes.Task) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import importlib
 import multiprocessing
 import sys
 import time
@@ -182,8 +181,3 @@ def test_more_samples_are_nearer_to_the_truth(tmp_path: Path) -> None:
     # Also in turns, as rounds are, where several tracers have one program.
     for one, picture in drawn.items():
         assert one.run(scene, 1).rgb8.tobytes() == picture, one.label
-
-
-def test_importing_the_peers_imports_no_package() -> None:
-    importlib.import_module("cltrace.bench.mitsuba")
-    assert "mitsuba" not in sys.modules

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from PIL import Image
 
@@ -160,27 +159,6 @@ def test_plots_show_what_was_measured() -> None:
     busy = replace(drawn(), about={**ABOUT, "loaded": "it was busy"})
     for figure in plots.figures(busy).values():
         assert any(text.get_text() == "it was busy" for text in figure.texts)
-
-
-@pytest.mark.parametrize("scheme", ["", "-dark"])
-def test_plots_can_be_read_on_their_paper(scheme: str) -> None:
-    """Text and marks have a contrast of 4.5 and of 3 at least, as WCAG wants it."""
-    from cltrace.bench import plots
-
-    ink, _, paper = plots.SCHEMES[scheme]
-    assert contrast(ink, paper) >= 4.5
-    colors = [color for color, _, _ in plots.LOOKS.values()]
-    assert {color for color in colors if contrast(color, paper) < 3} == set()
-    assert len(set(colors)) == len(colors)
-
-
-def contrast(a: str, b: str) -> float:
-    def luminance(color: str) -> float:
-        c = np.array([int(color[k : k + 2], 16) / 255 for k in (1, 3, 5)])
-        return float(np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4) @ (0.2126, 0.7152, 0.0722))
-
-    high, low = sorted((luminance(a), luminance(b)), reverse=True)
-    return (high + 0.05) / (low + 0.05)
 
 
 # ------------------------------------------------------------------------------------------------------------- the page
