@@ -48,22 +48,66 @@ FINER = 2**14
 SIDES = [(axis, sign) for axis in range(3) for sign in (1.0, -1.0)]
 # What is seen through a side of the cube: slopes of at most 1, and a few roundings more.
 SIDE = 1 + 2.0**-16
-SHIFT = CONSTANTS["TILE"].bit_length() - 1
+TILE = CONSTANTS["TILE"]
+SHIFT = TILE.bit_length() - 1
 
 
 class CellMembers(NamedTuple):
     """n surfaces that are entered on a grid.
 
-    member: (n,), their indices; covers: (4, n), the cells of level 0 that each one covers, as the first column, the
-    first row, and how many more columns and rows; near: (n,), depth of the nearest points.
+    member: (n,), their indices; covers: (4, n), the cells of level 0 that each one covers at most, as the first column,
+    the first row, and how many more columns and rows; near: (n,), depth of the nearest points; lines: (k, 3, n), a
+    surface covers no cell of a column x and a row y where its a x + b y + c is less than 0.
     """
 
     member: Ints
     covers: NDArray[np.int16]
     near: NDArray[np.float32]
+    lines: Array = np.zeros((0, 3, 0))
+
+    def rows(self, level: int) -> CellMembers:
+        """The same, in depth order, as runs of cells of a level, each in one row. covers: in cells of that level."""
+        order = np.argsort(self.near, kind="stable")
+        left, top, more, further = self.covers[:, order].astype(np.int64)
+        right, bottom, left, top = (left + more) >> level, (top + further) >> level, left >> level, top >> level
+        height = bottom - top + 1
+        which = np.repeat(np.arange(len(order)), height)
+        row = np.arange(len(which)) + (top - np.cumsum(height) + height)[which]
+        begin, end = left[which].astype(np.float64), right[which].astype(np.float64)
+        # In one row or one column, the rectangle is no larger than what is covered, or hardly.
+        some = np.flatnonzero(((right > left) & (bottom > top))[which])
+        of, down, least, most = order[which[some]], row[some], begin[some], end[some]
+        for a, b, c in self.lines:
+            # The corner of a cell of that level for which the value is largest is so many cells of level 0 further.
+            c = c + (2.0**level - 1) * (np.maximum(a, 0) + np.maximum(b, 0))
+            over = -1 / np.where(a == 0, 2.0**-1000, a * 2.0**level)
+            with np.errstate(over="ignore"):
+                limit = (c * over)[of] + (b * 2.0**level * over)[of] * down
+            rises = (a >= 0)[of]
+            np.maximum(least, limit, out=least, where=rises)
+            np.minimum(most, limit, out=most, where=~rises)
+        begin[some], end[some] = np.ceil(least), np.floor(most)
+        there = np.flatnonzero(begin <= end)
+        which, begin, end = order[which[there]], begin[there], end[there]
+        covers = np.stack([begin, row[there], end - begin, np.zeros(len(there))]).astype(np.int16)
+        return CellMembers(self.member[which], covers, self.near[which])
 
 
 NOBODY = CellMembers(np.zeros(0, np.int32), np.zeros((4, 0), np.int16), np.zeros(0, np.float32))
+
+
+def lines_on_cells(lines: Array, origin: Array, scale: Array, ends: tuple[float, float], loose: Array) -> Array:
+    """Lines of Projected as those of CellMembers.
+
+    Cell i of an axis begins at (i + ends[0]) / scale + origin and stops at (i + ends[1]) / scale + origin; loose: (3,),
+    what the three coefficients' products are off by, relative to them.
+    """
+    a, b, c = lines.swapaxes(0, 1)
+    c = c + a * origin[0] + b * origin[1] + (loose[0] * np.abs(a) + loose[1] * np.abs(b) + loose[2] * np.abs(c))
+    a, b = a / scale[0], b / scale[1]
+    low, high = ends
+    c += np.maximum(a * low, a * high) + np.maximum(b * low, b * high)
+    return np.stack([a, b, c], axis=1)
 
 
 class Held(Protocol):
@@ -146,40 +190,31 @@ def fill_record(g: np.void, grid: CellGrid, first: int, mask: int) -> None:
 
 def listed(grid: CellGrid) -> tuple[Ints, Ints, int]:
     """Of one grid: where the list of each cell begins, the entries, and a bit for the level that holds them."""
-    order = np.argsort(grid.members.near, kind="stable")
-    row = np.stack([grid.members.member, grid.members.near.view(np.int32)], axis=1)[order]
+    runs, level = runs_of(grid)
+    row = np.stack([runs.member, runs.near.view(np.int32)], axis=1)
     if grid.cells == (1, 1):
         return np.zeros(1, np.int32), row, bool(len(row)) << ONE_CELL_LEVEL
     if not len(row):
         return np.zeros(1, np.int32), row, 0
-    level = level_of(grid.members.covers)
-    left, top, right, bottom = (edge[order] >> level for edge in _ends(grid.members.covers))
     columns, rows = (((n - 1) >> level) + 1 for n in grid.cells)
-    wide, count = right - left + 1, (right - left + 1) * (bottom - top + 1)
-    # One number for each entry: the cell above the member's place in depth order.
+    # One number for each entry: the cell above the run's place in depth order.
+    count = runs.covers[2].astype(np.int64) + 1
     place = np.repeat(np.arange(len(row)), count)
-    number = np.arange(len(place)) - np.repeat(np.cumsum(count) - count, count)
-    down = number // wide[place]
-    key = (top[place] + down) * columns + left[place] + (number - down * wide[place])
+    first = runs.covers[1].astype(np.int64) * columns + runs.covers[0]
+    key = np.arange(len(place)) + (first - np.cumsum(count) + count)[place]
     counts = np.bincount(key, minlength=columns * rows)
     key = key << 32 | place
     key.sort()
     return (np.cumsum(counts) - counts).astype(np.int32), row[key & 2**32 - 1], 1 << level
 
 
-def level_of(covers: NDArray[np.int16]) -> int:
-    """The finest level on which surfaces with these `covers` take few enough entries."""
-    left, top, right, bottom = _ends(covers)
+def runs_of(grid: CellGrid) -> tuple[CellMembers, int]:
+    """The members in rows of cells, on the finest level on which they take few enough entries, and that level."""
     for level in range(16):
-        wide, high = (right >> level) - (left >> level) + 1, (bottom >> level) - (top >> level) + 1
-        if int((wide * high).sum()) <= 4 * len(left) + SPARE:
+        runs = grid.members.rows(level)
+        if int(runs.covers[2].sum(dtype=np.int64)) + len(runs.member) <= 4 * len(grid.members.member) + SPARE:
             break
-    return level
-
-
-def _ends(covers: NDArray[np.int16]) -> NDArray[np.int64]:
-    """(4, n): the first column, the first row, the last column and the last row of each."""
-    return np.concatenate([covers[:2], covers[:2] + covers[2:]]).astype(np.int64)
+    return runs, level
 
 
 def whole_grid(members: Mask) -> CellGrid:
@@ -288,8 +323,8 @@ def sight_of(shapes: Sequence[Silhouettes]) -> Any:
 
 def _pictured(found: Projected, visible: Mask, window: PictureWindow, slack: float) -> CellMembers:
     """Those of `visible` that cover pixels."""
-    covers = np.empty((4, len(found.member)), np.int16)
-    for k, axis in enumerate(window.axes):
+    covers, axes = np.empty((4, len(found.member)), np.int16), window.axes
+    for k, axis in enumerate(axes):
         low, high = found.edges[2 * k : 2 * k + 2]
         loose = (np.abs(low) + np.abs(high)) * slack
         begin = np.clip(np.ceil((low - loose) * axis.scale + axis.begin), axis.first, axis.stop)
@@ -297,7 +332,15 @@ def _pictured(found: Projected, visible: Mask, window: PictureWindow, slack: flo
         visible = visible & (begin <= end)
         covers[k] = begin.astype(np.int32) >> SHIFT
         covers[2 + k] = (end.astype(np.int32) >> SHIFT) - covers[k]
-    return CellMembers(found.member[visible], covers[:, visible], found.near[visible])
+    off = (axes[0].end - axes[0].begin) / 2
+    lines = lines_on_cells(
+        found.lines[:, :, visible],
+        np.array([(axis.begin + axis.end) / -2 / axis.scale for axis in axes]),
+        np.array([axis.scale / TILE for axis in axes]),
+        (-off / TILE, (TILE - 1 + off) / TILE),
+        slack * np.array([*window.half, 1]),
+    )
+    return CellMembers(found.member[visible], covers[:, visible], found.near[visible], lines)
 
 
 # ------------------------------------------------------------------------------------------------------------- lights
@@ -478,15 +521,14 @@ def _grid(
 ) -> CellGrid:
     """The grid of a window, with the surfaces that are seen in it, and those that are shown on a device, if any."""
     members = len(seen.member) + (shown.members if shown else 0)
-    low, high = (np.repeat(window.middle + sign * window.half, 2)[:, None] for sign in (-1, 1))
-    edges = np.clip(seen.edges, low, high)
-    sizes = shown.sizes() if shown else edges[1::2] - edges[::2]
+    low, high = ((window.middle + sign * window.half)[:, None] for sign in (-1, 1))
+    wide, high = np.clip(seen.edges[1::2], low, high) - np.clip(seen.edges[::2], low, high)
+    sizes = shown.sizes() if shown else np.sqrt(np.fmin(2 * seen.area, wide * high))
     # Cells as wide as 2 discs were within 5 % of the fastest, for 64 to a million spheres in whatever layout: each one
     # has (1 + 1 / 2)^2 entries then, on average. There are about as many cells as surfaces, at most. Few surfaces that
     # are no balls may have more.
-    wanted = max(one.cell_entries for one in shapes if len(one))
-    flat = wanted > Silhouettes.cell_entries
-    wanted = shown.entries if shown else wanted + (min(FINER / max(1, members), 64) if flat else 0)
+    flat = max(one.cell_entries for one in shapes if len(one))
+    wanted = shown.entries if shown else flat + min(FINER / max(1, members), 64) if flat else 2.25
     cells = window.cells(float(np.median(sizes)), members, wanted, max(members, FINER if flat else 2))
     sides = window.sides(cells)
     held = shown.entered_on(sides, slack, window.furthest) if shown else None
@@ -507,4 +549,7 @@ def cover_cells(seen: Projected, sides: tuple[Side, Side], slack: float, furthes
         covers[k] = np.clip((begin - side.first) * side.scale - 1 / 64, 0, side.last)
         covers[2 + k] = np.clip((end - side.first) * side.scale + 1 / 64, 0, side.last)
         covers[2 + k] -= covers[k]
-    return CellMembers(seen.member[within], covers[:, within], seen.near[within])
+    first, stop, scale, _ = np.array(sides).T
+    loose = slack * np.array([*(1 + np.maximum(np.abs(first), np.abs(stop))), 1])
+    lines = lines_on_cells(seen.lines[:, :, within], first, scale, (-1 / 64, 1 + 1 / 64), loose)
+    return CellMembers(seen.member[within], covers[:, within], seen.near[within], lines)

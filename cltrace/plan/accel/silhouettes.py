@@ -2,8 +2,9 @@
 
 A surface is within the convex hull of a few spheres of one radius: a ball is within one, a cylinder within the two
 around the middles of its ends, and a triangle within three of radius 0. Seen from a point that has all of them ahead,
-each sphere is an ellipse on the plane one unit ahead, and the surface is within the rectangle around all of these. All
-bounds are wider than any rounding, here or in the kernel, can ask for.
+each sphere is an ellipse on the plane one unit ahead, and the surface is within the rectangle around all of these. The
+planes through the point that touch two spheres cut corners off the rectangle. All bounds are wider than any rounding,
+here or in the kernel, can ask for.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.base.arithmetic import cross
 from cltrace.base.arrays import blockwise
 from cltrace.plan.rounding import Array, Ints, Mask, along, rounded_down
 
@@ -25,30 +27,35 @@ SLACK, FINE_SLACK = 2.0**-20, 2.0**-44
 TURNED = 2.0**-46
 # Depths along a direction are lower by this: the kernel's depths in float32 have an error of less than half of it.
 DEPTH_SLACK = 2.0**-22
-# A triangle that comes nearer to the point than this share of its corners' distance may cover everything.
-TOO_NEAR = 2.0**-36
-# Edges of rectangles: see Projected.
-EVERYWHERE = np.array([[-np.inf], [np.inf], [-np.inf], [np.inf]])
-NOWHERE = -EVERYWHERE
-OUTWARDS = np.sign(EVERYWHERE)
+# Signs that move the edges of rectangles outwards: see Projected.
+OUTWARDS = np.array([[-1.0], [1.0], [-1.0], [1.0]])
+
+
+# Two ends of silhouettes, and a third one, (3, n) each: see _touching().
+Pair = tuple[Array, Array, Array | None]
 
 
 class Projected(NamedTuple):
     """What n surfaces cover of a plane.
 
     member: (n,), their indices as surfaces; edges: (4, n), the left, right, low and high ends of rectangles around
-    them, -inf or inf where nothing is known; near: (n,), lower bounds of the depths of their nearest points; far: (n,),
-    upper bounds of those of the furthest ones. A depth is a squared distance from a point, or a distance along a
-    direction.
+    them, -inf or inf where nothing is known; lines: (k, 3, n), a surface covers no place (x, y) where its a x + b y + c
+    is less than 0; area: (n,), about what it covers; near: (n,), lower bounds of the depths of their nearest points;
+    far: (n,), upper bounds of those of the furthest ones. A depth is a squared distance from a point, or a distance
+    along a direction.
     """
 
     member: Ints
     edges: Array
+    lines: Array
+    area: Array
     near: NDArray[np.float32]
     far: Array
 
 
-NOTHING = Projected(np.zeros(0, np.int32), np.zeros((4, 0)), np.zeros(0, np.float32), np.zeros(0))
+NOTHING = Projected(
+    np.zeros(0, np.int32), np.zeros((4, 0)), np.zeros((0, 3, 0)), np.zeros(0), np.zeros(0, np.float32), np.zeros(0)
+)
 
 
 def joined_projections(parts: Sequence[Projected]) -> Projected:
@@ -56,29 +63,36 @@ def joined_projections(parts: Sequence[Projected]) -> Projected:
     some = [part for part in parts if len(part.member)] or parts[:1]
     if len(some) == 1:
         return some[0]
+    most = max(len(part.lines) for part in some)
+    some = [part._replace(lines=np.pad(part.lines, ((0, most - len(part.lines)), (0, 0), (0, 0)))) for part in some]
     return Projected(*(np.concatenate(columns, axis=-1) for columns in zip(*some, strict=True)))
 
 
 class Silhouettes(ABC):
     """n surfaces of one shape along the camera's axes, in the float buffers' unit, in which lengths are about 1.
 
-    They are seen from the origin, or along a direction. first: the index of the first one as a surface; cell_entries:
-    how many cells of a light's grid are made for each of them; sight: what sees most of them on a device, see
-    run/pack/polygons.py, None for nothing.
+    They are seen from the origin, or along a direction. radius: (n,), of the spheres that hold each one; first: the
+    index of the first one as a surface; cell_entries: how many cells of a light's grid are made for each of them, 0 for
+    balls; sight: what sees most of them on a device, see run/pack/polygons.py, None for nothing.
     """
 
+    radius: Array
     first: int
-    cell_entries = 2.25
+    cell_entries = 0.0
     sight: Any = None
 
-    @abstractmethod
     def __len__(self) -> int:
-        """n."""
+        return int(self.ends.shape[1])
 
     @property
     @abstractmethod
     def points(self) -> Array:
-        """(p, 3): where they are."""
+        """(p, 3): the centres of all spheres that hold the surfaces."""
+
+    @property
+    @abstractmethod
+    def ends(self) -> NDArray[np.integer[Any]]:
+        """(k, n): which of these points each surface's spheres are around."""
 
     @property
     def met(self) -> Mask:
@@ -86,17 +100,17 @@ class Silhouettes(ABC):
         return np.ones(len(self), bool)
 
     @abstractmethod
-    def spheres(self, which: NDArray[np.intp]) -> tuple[Sequence[Array], Array]:
-        """The spheres that hold some of them: their centres, (k, 3) each, and the radius of each surface's, (k,)."""
-
-    @abstractmethod
     def nearest(self, which: NDArray[np.intp], ends: Sequence[Array]) -> NDArray[np.float32]:
         """Lower bounds of the squared distances of some of them; -1 where it may be 0. ends: (3, k) each, of these."""
 
-    def vague_edges(self, ends: Sequence[Array], half: tuple[float, float]) -> Array:
-        """The edges, (4, k), of some that are not ahead as a whole: they may be anywhere. ends: (3, k) each, of these;
-        half: of through()."""
-        return EVERYWHERE.repeat(ends[0].shape[1], axis=1)
+    def pairs(self, ends: Sequence[Array]) -> list[Pair]:
+        """The first three arguments of _touching() for each line. ends: (3, k) each, of some surfaces."""
+        return []
+
+    def lines(self, ends: Sequence[Array], r: Array, reach: float, flat: bool = False) -> Array:
+        """(p, 3, k): of Projected, for some surfaces. ends, r: centres and radius; reach, flat: of _touching()."""
+        found = [_touching(*pair, r, reach, flat) for pair in self.pairs(ends)]
+        return np.array(found).reshape(len(found), 3, len(r))
 
     def through(self, axes: Array, half: tuple[float, float], among: Mask) -> Projected:
         """What is seen from the origin through a rectangle of the plane one unit ahead; edges are slopes.
@@ -104,30 +118,25 @@ class Silhouettes(ABC):
         axes: (3, 3), the two across and the one ahead; half: half of the rectangle's sides; among: of all surfaces,
         which to look for.
         """
-        rows = np.flatnonzero(among[self.first : self.first + len(self)] & self.met)
+        rows, corners = np.flatnonzero(among[self.first : self.first + len(self)] & self.met), self.ends
+        place, radius = np.array(along(axes, self.points)), np.zeros(len(self.points))
+        for corner in corners:
+            radius[corner] = self.radius
+        beyond, discs = _beyond(place, radius, half), slopes(place, radius)
 
         def look(block: slice) -> Projected:
             which = rows[block]
-            ends, r = self.spheres(which)
-            ends = [np.stack(along(axes, end)) for end in ends]
-            some = np.flatnonzero(~_beside(ends, r, half))
-            if not len(some):
+            which = which[np.bitwise_and.reduce([beyond.take(corner[which]) for corner in corners]) == 0]
+            if not len(which):
                 return NOTHING
-            which, r, ends = which[some], r[some], [end.take(some, axis=1) for end in ends]
-            edges, *others = (np.stack(slopes([x, y], d, r, (d - r) * (d + r))) for x, y, d in ends)
-            for other in others:
-                widen(edges, other)
-            vague = np.flatnonzero(np.isinf(edges[0]))
-            if len(vague):
-                edges[:, vague] = self.vague_edges([end.take(vague, axis=1) for end in ends], half)
-            # Slopes of what has errors of TURNED. Of an empty rectangle, nothing is compared.
-            most = 1 + np.abs(edges).max(axis=0, initial=0)
-            with np.errstate(over="ignore", invalid="ignore"):
-                edges += OUTWARDS * (TURNED * most * most)
-            far = (np.max([length(*end) for end in ends], axis=0, initial=0) + r) ** 2 * (1 + 2.0**-10)
-            near = self.nearest(which, ends)
-            there = np.flatnonzero(edges[0] <= edges[1])
-            return Projected((self.first + which[there]).astype(np.int32), edges[:, there], near[there], far[there])
+            r, ends = self.radius[which], [place.take(corner[which], axis=1) for corner in corners]
+            edges, area = _around(np.array([discs.take(corner[which], axis=1) for corner in corners]))
+            # Slopes of what has errors of TURNED.
+            most = 1 + np.abs(edges).max(axis=0)
+            edges += OUTWARDS * (TURNED * most * most)
+            far = (np.max([length(*end) for end in ends], axis=0) + r) ** 2 * (1 + 2.0**-10)
+            near, lines = self.nearest(which, ends), self.lines(ends, r, 1 + sum(half))
+            return Projected((self.first + which).astype(np.int32), edges, lines, area, near, far)
 
         return joined_projections(blockwise(len(rows), look))
 
@@ -137,16 +146,20 @@ class Silhouettes(ABC):
         axes: (3, 3), the two across and the one against the direction; slack: SLACK or FINE_SLACK; among: of all
         surfaces, which to look for.
         """
-        rows = np.flatnonzero(among[self.first : self.first + len(self)] & self.met)
+        rows, corners = np.flatnonzero(among[self.first : self.first + len(self)] & self.met), self.ends
+        place = np.array(along(axes, self.points))
 
         def look(block: slice) -> Projected:
-            ends, r = self.spheres(rows[block])
-            places = np.stack([np.stack(along(axes, end)) for end in ends])
-            low, high = places.min(axis=0) - (r + FINE_SLACK), places.max(axis=0) + (r + FINE_SLACK)
-            edges = np.stack([low[0], high[0], low[1], high[1]])
-            size = np.maximum(np.abs(low[2]), np.abs(high[2]))
-            near = rounded_down(-high[2] - SLACK * size - (DEPTH_SLACK + slack))
-            return Projected((self.first + rows[block]).astype(np.int32), edges, near, 2.0**-10 - low[2])
+            which = rows[block]
+            r, ends = self.radius[which], np.array([place.take(corner[which], axis=1) for corner in corners])
+            edges, area = _around(ends[:, [0, 0, 1, 1]] + OUTWARDS * (r + FINE_SLACK))
+            low, high = ends[:, 2].min(axis=0) - (r + FINE_SLACK), ends[:, 2].max(axis=0) + (r + FINE_SLACK)
+            size = np.maximum(np.abs(low), np.abs(high))
+            near = rounded_down(-high - SLACK * size - (DEPTH_SLACK + slack))
+            # Homogeneous coordinates of places, none of which exceeds 4.
+            ends[:, 2] = 1
+            lines = self.lines([*ends], r, 9, flat=True)
+            return Projected((self.first + which).astype(np.int32), edges, lines, area, near, 2.0**-10 - low)
 
         return joined_projections(blockwise(len(rows), look))
 
@@ -164,15 +177,13 @@ class Discs(Silhouettes):
     power: Array
     first: int = 0
 
-    def __len__(self) -> int:
-        return len(self.radius)
-
     @property
     def points(self) -> Array:
         return self.center
 
-    def spheres(self, which: NDArray[np.intp]) -> tuple[Sequence[Array], Array]:
-        return (self.center[which],), self.radius[which]
+    @property
+    def ends(self) -> NDArray[np.integer[Any]]:
+        return np.arange(len(self.radius))[None]
 
     def nearest(self, which: NDArray[np.intp], ends: Sequence[Array]) -> NDArray[np.float32]:
         """From inside, too, the nearest point is | |C| - r | away."""
@@ -194,21 +205,19 @@ class Capsules(Silhouettes):
     radius: Array
     first: int
     # To try a cylinder takes longer than a triangle or a ball.
-    cell_entries = 4.0
-
-    def __len__(self) -> int:
-        return len(self.radius)
+    cell_entries = 3.0
 
     @property
     def points(self) -> Array:
         return np.concatenate([self.start, self.end])
 
     @property
-    def met(self) -> Mask:
-        return np.ones(len(self), bool)
+    def ends(self) -> NDArray[np.integer[Any]]:
+        return np.arange(2 * len(self.radius)).reshape(2, -1)
 
-    def spheres(self, which: NDArray[np.intp]) -> tuple[Sequence[Array], Array]:
-        return (self.start[which], self.end[which]), self.radius[which]
+    def pairs(self, ends: Sequence[Array]) -> list[Pair]:
+        a, b = ends
+        return [(a, b, None), (b, a, None)]
 
     def distance(self, which: NDArray[np.intp], ends: Sequence[Array]) -> Array:
         """(k,): how far some of them are from the point, at least, 0 from inside."""
@@ -245,21 +254,27 @@ class Polygons(Silhouettes):
     side: NDArray[np.int8]
     sight: Any = None
     # Few triangles may have many entries.
-    cell_entries = 3.0
+    cell_entries = 1.6
 
-    def __len__(self) -> int:
-        return len(self.face)
+    @property
+    def radius(self) -> Array:  # type: ignore[override]
+        return np.zeros(len(self.face))
 
     @property
     def points(self) -> Array:
         return self.vertex
 
     @property
+    def ends(self) -> NDArray[np.integer[Any]]:
+        return self.face.T
+
+    @property
     def met(self) -> Mask:
         return np.not_equal(self.side, 0)
 
-    def spheres(self, which: NDArray[np.intp]) -> tuple[Sequence[Array], Array]:
-        return [self.vertex.take(corner, axis=0) for corner in self.face[which].T], np.zeros(len(which))
+    def pairs(self, ends: Sequence[Array]) -> list[Pair]:
+        a, b, c = ends
+        return [(a, b, c), (b, c, a), (c, a, b)]
 
     def nearest(self, which: NDArray[np.intp], ends: Sequence[Array]) -> NDArray[np.float32]:
         """The triangle's plane is no further, and, by its corners, neither is a ball around it.
@@ -273,32 +288,6 @@ class Polygons(Silhouettes):
         ball = (corner * corner).sum(axis=1).min(axis=0) - (across * across).sum(axis=0) / 3 - 8 * TURNED * reach**2
         near = np.maximum(plane * plane, ball) * (1 - 2.0**-18)
         return np.where(near > 2.0**-100, rounded_down(near), np.float32(-1))
-
-    def vague_edges(self, ends: Sequence[Array], half: tuple[float, float]) -> Array:
-        """Those of what is ahead.
-
-        A ray through the rectangle is within 1 + half[0] + half[1] of its depth, so what it meets of a plane at a
-        distance h is at least at depth h / (1 + half[0] + half[1]). All that is at half of that or more is cut off
-        here, and projected with the errors of the corners, which are divided by that depth. Where h is about 0, nothing
-        is known.
-        """
-        plane, reach = plane_distance(ends)
-        least = plane / (2 * (1 + half[0] + half[1]))
-        edges = NOWHERE.repeat(len(least), axis=1)
-        for p, q in zip(ends, (*ends[1:], ends[0]), strict=True):
-            crosses = (p[2] < least) != (q[2] < least)
-            share = np.where(crosses, (least - p[2]) / np.where(crosses, q[2] - p[2], 1), 0)
-            between = p + np.clip(share, 0, 1) * (q - p)
-            between[2] = least
-            for point, there in ((p, p[2] >= least), (between, crosses)):
-                some = np.flatnonzero(there & (point[2] > 0))
-                x, y = point[:2, some] / point[2, some]
-                off = 4 * TURNED * reach[some] * (1 + np.abs(x) + np.abs(y)) / point[2, some]
-                found = edges[:, some]
-                widen(found, np.stack([x - off, x + off, y - off, y + off]))
-                edges[:, some] = found
-        edges[:, least <= TOO_NEAR * reach] = EVERYWHERE
-        return edges
 
 
 def plane_distance(ends: Sequence[Array]) -> tuple[Array, Array]:
@@ -316,40 +305,76 @@ def plane_distance(ends: Sequence[Array]) -> tuple[Array, Array]:
     return np.maximum(plane / (np.sqrt((normal * normal).sum(axis=0)) + error * sides + 2.0**-500), 0), reach
 
 
-def _beside(ends: Sequence[Array], radii: Array, half: tuple[float, float]) -> Mask:
-    """(n,): which hulls have all their spheres beyond one of the planes through the origin and a side of a rectangle.
+def _beyond(place: Array, radius: Array, half: tuple[float, float]) -> NDArray[np.int8]:
+    """(n,): a bit for each plane through the origin and a side of a rectangle that a sphere is beyond.
 
-    ends: (3, n) each, across, up and ahead; half: of through().
+    place: (3, n), centres, across, up and ahead; radius: (n,); half: of through().
     """
-    beside = np.zeros(len(radii), bool)
+    beyond, size = np.zeros(len(radius), np.int8), np.abs(place).sum(axis=0) * SLACK
     for k, h in enumerate(half):
-        reaches = [radii * np.hypot(1, h) * (1 + SLACK) + np.abs(end).sum(axis=0) * ((1 + h) * SLACK) for end in ends]
-        for sign in (1, -1):
-            beyond = [sign * end[k] - h * end[2] > reach for end, reach in zip(ends, reaches, strict=True)]
-            beside |= np.logical_and.reduce(beyond)
-    return beside
+        reach = radius * (np.hypot(1, h) * (1 + SLACK)) + size * (1 + h) + h * place[2]
+        for bit, sign in enumerate((1, -1), 2 * k):
+            beyond |= (sign * place[k] > reach).astype(np.int8) << bit
+    return beyond
 
 
-def widen(edges: Array, others: Array) -> None:
-    """Makes rectangles (4, n) as large as to hold others, too."""
-    for k in range(4):
-        (np.maximum if k % 2 else np.minimum)(edges[k], others[k], out=edges[k])
+def _around(discs: Array) -> tuple[Array, Array]:
+    """Of n hulls of k discs each: `edges` and `area` of Projected. discs: (k, 4, n), the edges of these."""
+    low, high = discs[:, ::2], discs[:, 1::2]
+    edges = np.stack([low.min(axis=0), high.max(axis=0)], axis=1).reshape(4, -1)
+    # A convex polygon whose edges are moved out by a radius covers its area, that of a strip at each edge, and a disc.
+    with np.errstate(invalid="ignore"):
+        (x, y), radius = ((low + high) / 2).swapaxes(0, 1), (high - low).mean(axis=(0, 1)) / 2
+        dx, dy = np.roll(x, -1, axis=0) - x, np.roll(y, -1, axis=0) - y
+        area = (
+            np.abs((x * dy - y * dx).sum(axis=0)) / 2 + np.sqrt(dx * dx + dy * dy).sum(axis=0) * radius + 2 * radius**2
+        )
+    return edges, area
 
 
-def slopes(across: list[Array], d: Array, r: Array, gap: Array) -> list[Array]:
-    """The slopes c/d of the two tangents from the origin to circles with centre (c, d) and radius r.
+def _touching(p: Array, q: Array, third: Array | None, r: Array, reach: float, flat: bool = False) -> Array:
+    """(3, n): of n pairs of spheres around p and q, with one radius, N for which N.(x, y, 1) is at least 0 on both.
 
-    Returns, for each c of `across`, first the lower slopes (n,), then the higher ones. across: arrays (n,); gap: (n,),
-    d^2 - r^2. Where a circle is not clear of the line d = 0, it has no such tangents, and the answer is -inf and inf,
-    as it is where squares are about to underflow. If each argument is rounded once, both slopes are right to 8
-    roundings of the larger one, |middle| + half, as neither of these takes more.
+    p, q: (3, n) each; third: (3, n), to which side the hull is, None for the side where p, q and the origin turn right;
+    reach: 1 + |x| + |y| at most; flat: whether spheres are discs in the plane that the third coordinates, all 1, span.
+
+    With u = q - p and m = u x p, a plane through the origin along u has a distance r from both points if its unit
+    normal is (r A + sqrt(m.m - r^2 u.u) m) / m.m for A = m x u: it is at right angles to u, and times p it is r. Points
+    have errors of up to d = FINE_SLACK s, for the largest distance s of any. So m has an error of up to d (|u| + 2 s)
+    <= 4 d s, and A one of 2 d |m| + 4 d s |u|. Where the root is at least |m| / 4, it has an error of up to 16 d s +
+    8 r d, and all of r A + sqrt(...) m, with r |u| <= |m| and r <= s, one of less than 40 d s |m|.
     """
+    u = q - p
+    m, size = np.stack(cross(u, p)), np.maximum(length(*p), length(*q))
+    if third is not None:
+        size = np.maximum(size, length(*third))
+        side = (m * third).sum(axis=0)
+        m *= np.where(np.abs(side) > 8 * FINE_SLACK * size**3, np.sign(side), 0)
+    uu, mm, off = (u * u).sum(axis=0), (m * m).sum(axis=0), 64 * FINE_SLACK * size**2 * reach
+    if flat:
+        m[2] += r * np.sqrt(uu) + off
+        return m
+    square = mm - r * r * uu
+    found = np.where(square > mm / 16, r * np.stack(cross(m, u)) + np.sqrt(np.maximum(square, 0)) * m, 0)
+    found[2] += off * np.sqrt(mm)
+    return np.asarray(found)
+
+
+def slopes(place: Array, r: Array) -> Array:
+    """(4, n): lower and higher slopes x / d, and those of y / d, of the tangents from the origin to spheres.
+
+    place: (3, n), centres (x, y, d); r: (n,). Where a sphere is not clear of the plane d = 0, it has no such tangents,
+    and the answer is -inf and inf, as it is where squares are about to underflow. If each argument is rounded once,
+    slopes are right to 9 roundings of the larger one, |middle| + half.
+    """
+    d = place[2]
+    gap = (d - r) * (d + r)
     clear = (d > 0) & (gap >= d * d * (1 / 16)) & (gap > 2.0**-100)
-    over = 1 / np.where(clear, gap, 1)
-    found = []
-    for c in across:
+    over, found = 1 / np.where(clear, gap, 1), np.empty((4, len(r)))
+    for k, c in enumerate(place[:2]):
         middle, half = c * (d * over), r * over * np.sqrt(np.maximum(c * c + gap, 0))
-        found += [np.where(clear, middle - half, -np.inf), np.where(clear, middle + half, np.inf)]
+        found[2 * k], found[2 * k + 1] = middle - half, middle + half
+    found[:, ~clear] = np.inf * OUTWARDS
     return found
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import CONSTANTS, Precision, dtype_of
-from cltrace.plan.accel.grids import ONE_CELL_LEVEL, SPARE, CellGrid, fill_record, level_of, listed
+from cltrace.plan.accel.grids import ONE_CELL_LEVEL, SPARE, CellGrid, fill_record, listed, runs_of
 from cltrace.run.pack.polygons import EnteredPolygons
 from cltrace.run.pack.toolbox import PACKET, Arguments, Entered, Toolbox, numbered
 
@@ -186,8 +186,7 @@ class ListWriter:
         tools, held, own, used = self._tools, grid.held, grid.members, set[int]()
         assert held is None or isinstance(held, EnteredPolygons)
         held = held if held and held.members else None
-        n = len(own.member)
-        if grid.cells == (1, 1) or not (n or held):
+        if grid.cells == (1, 1) or not (len(own.member) or held):
             _, entry, mask = listed(grid)
             at, first = self._place(1, len(entry))
             tools.copy(tools.upload(np.array([first, first + len(entry)], np.int32)), self.lists.start, 4 * at, 8)
@@ -195,12 +194,15 @@ class ListWriter:
             self.add_again(grid, Listed(at, mask))
             return
         groups = held.groups if held else []
-        if n:
+        own, level = runs_of(grid)
+        if len(own.member):
             near = np.append(own.near, np.full(PACKET, np.inf, np.float32))  # Kernels read whole packets.
-            members = {"n": n, "pitch": n, "level": level_of(own.covers), "covers": tools.upload(own.covers)}
+            # Kernels take cells of level 0.
+            covers = tools.upload(own.covers << np.int16(level))
+            members = {"n": len(own.member), "pitch": len(own.member), "level": level, "covers": covers}
             members |= {"near": tools.upload(near)}
             groups = [Entered("entries", members, numbered(tools.upload(own.member))), *groups]
-            used.add(members["level"])
+            used.add(level)
         self._list(grid, sorted(used | ({held.level} if held else set())), groups)
 
     def _list(self, grid: CellGrid, used: list[int], groups: list[Entered]) -> None:

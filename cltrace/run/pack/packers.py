@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Protocol
 
 from cltrace.plan.request import Request
-from cltrace.plan.shapes.mesh import MeshPacking
 from cltrace.plan.view import CameraView
 from cltrace.plan.world import ScenePacking
 from cltrace.run.devices import Device
@@ -17,8 +16,7 @@ if TYPE_CHECKING:
 # From so many surfaces on, a device makes CameraViews. A shell of 30,000 spheres takes 20 ms of a processor's time
 # instead of 50, one of 10,000 takes 10 instead of 20, but the program takes 50 to load (PoCL 3.1, 1920x1080). A quarter
 # is enough where cameras come one after the other, as that is soon made up for: 8,000 spheres take 8 ms instead of 16
-# and 16,000 triangles 25 instead of 30; but 4,000 triangles would take 24 instead of 17 (480x270). Triangles count
-# twice: numpy's lists know rectangles around them alone, so that 20,000 take 1.05 to 1.12 of the tests for each frame.
+# and 16,000 triangles 25 instead of 30; but 4,000 triangles would take 24 instead of 17 (480x270).
 MANY, PART_AGAIN = 2**15, 4
 
 
@@ -67,8 +65,7 @@ def packer_of(
     before: of another world on this device, whose spare memory is used again; again: whether there was a CameraView of
     this world. Raises BuildError and DeviceError as Executor does.
     """
-    surfaces = len(world.id)
-    if surfaces + len(world.of_shape(MeshPacking).number) <= MANY and not (again and surfaces > MANY // PART_AGAIN):
+    if len(world.id) <= (MANY // PART_AGAIN if again else MANY):
         return NumpyPacker(request)
     # Small scenes start faster without these.
     from cltrace.run.pack.meshes import MeshPacker

@@ -2,8 +2,8 @@
 
 A triangle seen from a point is a convex polygon on the image plane, or on a side of a light's cube. Most have their
 three corners ahead and not far out of the window that is looked through. The others, and those near the point, are left
-to cltrace.plan.accel.silhouettes, which knows rectangles alone. Polygons that cover more than a row or a column of
-cells entered in the cells that they touch.
+to cltrace.plan.accel.silhouettes. Polygons that cover more than a row or a column of cells are entered in those cells
+that they touch.
 """
 
 from __future__ import annotations
