@@ -23,7 +23,7 @@ from cltrace.scene.rules import described
 # Fewer rays are decided by the exact engine alone, as long as these are not more pairs of a ray and a surface, which
 # takes a second: so nobody waits for a compiler who asks about a few rays.
 FEW_RAYS, FEW_PAIRS = 1000, 1 << 24
-# Directions of other sizes are multiplied by a power of two for a device.
+# Directions of other sizes are left to the exact engine.
 MODERATE = (2.0**-100, 2.0**100)
 
 
@@ -132,26 +132,13 @@ class Surfaces:
             return closest_item(self.kinds, o, d, low, high)
         size = np.maximum(np.maximum(np.abs(d[:, 0]), np.abs(d[:, 1])), np.abs(d[:, 2]))
         extreme = np.flatnonzero((size < MODERATE[0]) | (size > MODERATE[1]))
-        _, exponent = np.frexp(size[extreme])
-        w, ends = d, [low, high]
+        w = d
         if len(extreme):
-            w, ends = d.copy(), [low.copy(), high.copy()]
-            w[extreme] = np.ldexp(d[extreme], -exponent[:, None])
-            with np.errstate(over="ignore"):
-                for end in ends:
-                    end[extreme] = np.ldexp(end[extreme], exponent)
+            w = d.copy()
+            w[extreme] = 1.0
         with self._lock:
-            found = tracer.trace(o, w, *ends)
-        item, t, anything = self._item[found.index], found.t, found.anything
-        if len(extreme):
-            with np.errstate(over="ignore"):
-                t[extreme] = np.ldexp(t[extreme], -exponent)
-                # What is too small for a normal double has been rounded once more.
-                lost = np.abs(t[extreme]) < 2.0**-1000
-                lost |= (np.ldexp(w[extreme], exponent[:, None]) != d[extreme]).any(axis=1)
-                for end, given in zip(ends, (low, high), strict=True):
-                    lost |= np.ldexp(end[extreme], -exponent) != given[extreme]
-            anything = np.union1d(anything, extreme[lost])
+            found = tracer.trace(o, w, low, high)
+        item, t, anything = self._item[found.index], found.t, np.union1d(found.anything, extreme)
         some = np.setdiff1d(found.undecided, anything)
         kept = np.isin(found.ray, some)
         pairs = np.searchsorted(some, found.ray[kept]), self._item[found.surface[kept]]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -95,66 +97,113 @@ def same(hits: Hits, want: oracle.Answer) -> None:
     assert hits.t.tolist() == want.t.tolist()
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_hostile_rays(seed: int) -> None:
-    """Corners, edges, faces seen edge-on, spheres touched, starts on surfaces, equal depths: as the oracle says."""
-    scene, rng = mixed(seed), np.random.default_rng(seed + 50)
-    o, d = aimed(scene, rng, 300)
-    want = oracle.closest_hit(scene, o, d)
-    same(trace_rays(scene, o, d), want)
-    assert len(np.unique(want.id)) > 8
+Paths = tuple[np.ndarray, np.ndarray, np.ndarray | float, np.ndarray | float]  # origins, directions, t_min and t_max
+Case = tuple[Scene, *Paths]
 
 
-def test_starts_that_are_on_surfaces_but_for_rounding() -> None:
-    """Of spheres, ellipsoids and triangles between any doubles: inside or outside, by less than an ulp."""
+def hostile(seed: int, count: int = 300, ends: bool = False, **how: float) -> Case:
+    """Corners, edges, faces seen edge-on, spheres touched, starts on surfaces, equal depths; ends of ranges there."""
+    scene, rng = mixed(seed, **how), np.random.default_rng(seed + 50)
+    o, d = aimed(scene, rng, count)
+    if not ends:
+        return scene, o, d, 0.0, np.inf
+    return scene, o, d, rng.choice([-np.inf, -1.5, -1, 0, 0.5, 1], count), rng.choice([np.inf, 1, 0.5, 2, 1e-9], count)
+
+
+def on_surfaces() -> Case:
+    """Starts on spheres, ellipsoids and triangles between any doubles: inside or outside, by less than an ulp."""
     rng = np.random.default_rng(11)
     centers, radii, maps = rng.normal(size=(6, 3)), rng.uniform(0.5, 2, 6), np.array([np.eye(3)] * 6)
     maps[3:] = rng.normal(size=(3, 3, 3))
     vertices = rng.normal(size=(20, 3)) * 2
-    scene = Scene.from_spheres(
-        CAMERA, (), centers, radii, transform=maps, meshes=Mesh(vertices, np.arange(60).reshape(20, 3) % 20)
-    )
+    mesh = Mesh(vertices, np.arange(60).reshape(20, 3) % 20)
+    scene = Scene.from_spheres(CAMERA, (), centers, radii, transform=maps, meshes=mesh)
     n = rng.normal(size=(300, 3))
     n /= np.linalg.norm(n, axis=1)[:, None]
     ball = rng.integers(6, size=300)
     on_balls = centers[ball] + radii[ball, None] * np.einsum("nij,nj->ni", maps[ball], n)
     weights = rng.dirichlet((1, 1, 1), 100)
     on_faces = np.einsum("nk,nki->ni", weights, vertices[scene.meshes[0].geometry.faces[rng.integers(20, size=100)]])
-    o, d = np.vstack([on_balls, on_faces]), rng.normal(size=(400, 3))
-    same(trace_rays(scene, o, d), oracle.closest_hit(scene, o, d))
+    return scene, np.vstack([on_balls, on_faces]), rng.normal(size=(400, 3)), 0.0, np.inf
 
 
-@pytest.mark.parametrize(
-    ("offset", "scale"),
-    [(1e7, 1.0), (1e15, 1.0), (0.0, 2.0**-100), (0.0, 2.0**90)],
-    ids=["1e7", "1e15", "tiny", "huge"],
-)
-def test_places_and_sizes(offset: float, scale: float) -> None:
-    scene, rng = mixed(9, offset, scale), np.random.default_rng(3)
-    o, d = aimed(scene, rng, 200)
-    same(trace_rays(scene, o, d), oracle.closest_hit(scene, o, d))
-
-
-@pytest.mark.parametrize("distance", [1e3, 1e9, 1e15, 1e22, 1e60])
-def test_from_far_away(distance: float) -> None:
+def from_far_away(distance: float) -> Case:
     """At whole points of the scene, so that a good share of the rays still meets it where no double resolves it."""
     scene, rng = mixed(2), np.random.default_rng(4)
     axis = np.eye(3)[rng.integers(3, size=150)] * rng.choice([-1, 1], (150, 1))
     way = np.where(rng.random((150, 1)) < 0.7, axis, rng.normal(size=(150, 3)))
     o = rng.integers(-2, 3, (150, 3)) / rng.choice([1, 2, 3], (150, 1)) - way * 2.0 ** round(math.log2(distance))
-    want = oracle.closest_hit(scene, o, way)
-    same(trace_rays(scene, o, way), want)
-    assert (want.id >= 0).sum() > 20
+    return scene, o, way, 0.0, np.inf
 
 
-def test_numbers_at_the_ends_of_doubles() -> None:
+def extreme_numbers() -> Case:
     """Directions and starts as small and as large as there are, also beside each other."""
-    scene, rng = mixed(5), np.random.default_rng(6)
-    o, d = aimed(scene, rng, 120)
+    rng = np.random.default_rng(6)
+    scene, o, d, low, high = hostile(5, 120)
     d *= 2.0 ** rng.choice([-1060, -900, -300, 0, 300, 900], (120, 1))
     d[rng.random((120, 3)) < 0.2] = 1e-320
     o[rng.random((120, 3)) < 0.2] = 5e-324
-    same(trace_rays(scene, o, d), oracle.closest_hit(scene, o, d))
+    return scene, o, d, low, high
+
+
+def along_edges() -> Case:
+    """In the planes of faces, along their edges, and through corners, where no double decides."""
+    vertices, faces = icosphere(2)
+    scene, rng = Scene.from_meshes(CAMERA, (), Mesh(vertices, faces)), np.random.default_rng(3)
+    a, b, c = vertices[faces[rng.integers(len(faces), size=200)]].swapaxes(0, 1)
+    o = a - (b - a) * rng.choice([0, 1, 2, -0.5], (200, 1))
+    return scene, np.vstack([o, o]), np.vstack([b - a, c - o]), 0.0, np.inf
+
+
+def on_a_ground() -> Case:
+    """A ground sphere under a cloud and a terrain: what a tree of boxes finds is all that there is."""
+    rng = np.random.default_rng(10)
+    centers = np.vstack([[(0, -1e5, 0)], rng.uniform(-1, 1, (3000, 3)) + (0, 1, 0)])
+    vertices, faces = icosphere(3)
+    ball = Mesh(vertices * 0.5 + (0.2, 1, 0.1), faces)
+    scene = Scene.from_spheres(CAMERA, (), centers, np.append(1e5, rng.uniform(0.005, 0.05, 3000)), meshes=[ball])
+    d = np.vstack([rng.normal(size=(150, 3)) * (0.2, 0.2, 0) + (0, -0.1, -1), rng.normal(size=(50, 3))])
+    return scene, np.broadcast_to((0, 1.5, 6), d.shape), d, 0.0, np.inf
+
+
+def at_corners(seed: int) -> Case:
+    """One triangle, at whose corners the box around it is met at a point: no rounding of float32 may lose that."""
+    rng = np.random.default_rng(seed)
+    corners = np.round(rng.normal(size=(3, 3)) * 2.0**40) / 2.0**40
+    scene = Scene.from_meshes(CAMERA, (), Mesh(corners, [(0, 1, 2)]))
+    d = rng.integers(-3, 4, (300, 3)).astype(float)
+    d[~d.any(axis=1)] = 1
+    return scene, corners[rng.integers(3, size=300)] - d * rng.choice([0.5, 1, 2], (300, 1)), d, 0.0, np.inf
+
+
+CASES: dict[str, Callable[[], Case]] = {
+    **{f"whole numbers {seed}": partial(hostile, seed) for seed in range(4)},
+    **{f"ranges {seed}": partial(hostile, seed, ends=True) for seed in range(3)},
+    "1e7": partial(hostile, 9, offset=1e7),
+    "1e15": partial(hostile, 9, offset=1e15),
+    "tiny": partial(hostile, 9, scale=2.0**-100),
+    "huge": partial(hostile, 9, scale=2.0**90),
+    **{f"from {distance:g}": partial(from_far_away, distance) for distance in (1e3, 1e9, 1e15, 1e22, 1e60)},
+    "starts on surfaces": on_surfaces,
+    "extreme numbers": extreme_numbers,
+    "along edges": along_edges,
+    "a ground": on_a_ground,
+    **{f"corners of boxes {seed}": partial(at_corners, seed) for seed in range(20)},
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "many"),
+    [*((name, 0) for name in CASES), *((f"ranges {k}", 10**9) for k in range(3)), ("along edges", 10**9)],
+)
+def test_hostile_rays(name: str, many: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a device decides, by whole numbers if need be, and what it leaves to the exact engine, is as the oracle
+    says. many: where the latter decides about as many as these."""
+    monkeypatch.setattr(on_device, "MANY_UNDECIDED", many)
+    scene, o, d, low, high = CASES[name]()
+    want = oracle.closest_hit(scene, o, d, low, high)
+    same(trace_rays(scene, o, d, t_min=low, t_max=high), want)
+    assert 0 < (want.id >= 0).sum() < len(want.id)
 
 
 @pytest.fixture(params=["device", "exact engine"])
@@ -176,17 +225,6 @@ def test_ranges(seed: int) -> None:
         assert (hits.id[i], hits.primitive[i], hits.t[i]) == want
 
 
-@pytest.mark.parametrize("many", [0, 10**9], ids=["whole numbers", "exact engine"])
-@pytest.mark.parametrize("seed", range(3))
-def test_ranges_of_hostile_rays(seed: int, many: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same ends, of more rays, also where they start in the planes of triangles, which they never meet."""
-    monkeypatch.setattr(on_device, "MANY_UNDECIDED", many)
-    scene, rng = mixed(seed), np.random.default_rng(seed + 30)
-    o, d = aimed(scene, rng, 300)
-    low, high = rng.choice([-np.inf, -1.5, -1, 0, 0.5, 1], 300), rng.choice([np.inf, 1, 0.5, 2, 1e-9], 300)
-    same(trace_rays(scene, o, d, t_min=low, t_max=high), oracle.closest_hit(scene, o, d, low, high))
-
-
 def all_shapes(seed: int) -> Scene:
     """Spheres, ellipsoids, cylinders and a mesh, in and through each other."""
     rng = np.random.default_rng(seed)
@@ -202,9 +240,6 @@ def all_shapes(seed: int) -> Scene:
         meshes=Mesh(vertices, faces),
     )
     return scene.with_cylinders(*ends, rng.uniform(0.02, 0.2, 20))
-
-
-Paths = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # origins, directions, t_min and t_max
 
 
 def paths(kind: str, scene: Scene, count: int) -> Paths:
@@ -248,18 +283,6 @@ def test_hard_rays(kind: str) -> None:
     hits, want = trace_rays(scene, o, d, t_min=low, t_max=high), oracle.closest_hit(scene, o, d, low, high)
     same(hits, want)
     assert (want.id >= 0).sum() > 50
-
-
-@pytest.mark.parametrize("many", [0, 10**9], ids=["whole numbers", "exact engine"])
-def test_along_edges(many: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In the planes of faces, along their edges, and through corners, where no double decides."""
-    monkeypatch.setattr(on_device, "MANY_UNDECIDED", many)
-    vertices, faces = icosphere(2)
-    scene, rng = Scene.from_meshes(CAMERA, (), Mesh(vertices, faces)), np.random.default_rng(3)
-    a, b, c = vertices[faces[rng.integers(len(faces), size=200)]].swapaxes(0, 1)
-    o = a - (b - a) * rng.choice([0, 1, 2, -0.5], (200, 1))
-    same(trace_rays(scene, o, b - a), oracle.closest_hit(scene, o, b - a))
-    same(trace_rays(scene, o, c - o), oracle.closest_hit(scene, o, c - o))
 
 
 def test_most_rays_are_decided_by_the_device(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -418,32 +441,6 @@ def test_blocks_and_threads_change_nothing(monkeypatch: pytest.MonkeyPatch) -> N
         np.testing.assert_array_equal(getattr(want, name), getattr(again, name))
 
 
-def test_many_surfaces_and_a_large_one() -> None:
-    """A ground sphere under a cloud and a terrain: what a tree of boxes finds is all that there is."""
-    rng = np.random.default_rng(10)
-    centers = np.vstack([[(0, -1e5, 0)], rng.uniform(-1, 1, (3000, 3)) + (0, 1, 0)])
-    vertices, faces = icosphere(3)
-    ball = Mesh(vertices * 0.5 + (0.2, 1, 0.1), faces)
-    scene = Scene.from_spheres(CAMERA, (), centers, np.append(1e5, rng.uniform(0.005, 0.05, 3000)), meshes=[ball])
-    eye = (0, 1.5, 6)
-    d = np.vstack([rng.normal(size=(150, 3)) * (0.2, 0.2, 0) + (0, -0.1, -1), rng.normal(size=(50, 3))])
-    same(trace_rays(scene, eye, d), oracle.closest_hit(scene, eye, d))
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_rays_at_the_corners_of_boxes(seed: int) -> None:
-    """One triangle, at whose corners the box around it is met at a point: no rounding of float32 may lose that."""
-    rng = np.random.default_rng(seed)
-    corners = np.round(rng.normal(size=(3, 3)) * 2.0**40) / 2.0**40
-    scene = Scene.from_meshes(CAMERA, (), Mesh(corners, [(0, 1, 2)]))
-    d = rng.integers(-3, 4, (300, 3)).astype(float)
-    d[~d.any(axis=1)] = 1
-    o = corners[rng.integers(3, size=300)] - d * rng.choice([0.5, 1, 2], (300, 1))
-    want = oracle.closest_hit(scene, o, d)
-    same(trace_rays(scene, o, d), want)
-    assert 0 < (want.id == 0).sum() < 300
-
-
 @pytest.mark.usefixtures("either")
 def test_nothing_to_meet() -> None:
     hits = trace_rays(Scene.from_spheres(CAMERA, (), [], 1), np.zeros((2, 3)), (0, 0, 1))
@@ -486,19 +483,6 @@ def test_what_is_refused(origins: object, directions: object, more: dict[str, ob
 def test_a_scene_is_needed() -> None:
     with pytest.raises(TypeError, match=r"^scene: must be a cltrace\.Scene, such as cltrace\.load\(\) gives, got 3$"):
         trace_rays(3, (0, 0, 0), (0, 0, 1))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(2))
-def test_the_oracle_of_scenes(seed: int) -> None:
-    """Every surface in rational arithmetic says the same; so do arrays of other shapes."""
-    scene, rng = mixed(seed), np.random.default_rng(seed + 90)
-    o, d = aimed(scene, rng, 60)
-    want = oracle.closest_hit(scene, o, d)
-    for i in range(60):
-        assert (want.id[i], want.primitive[i], want.t[i]) == by_fractions(scene, o[i], d[i], 0, math.inf)
-    same(trace_rays(scene, o[0], d), oracle.closest_hit(scene, o[0], d))
-    same(trace_rays(scene, o, d[0]), oracle.closest_hit(scene, o, d[0]))
 
 
 def test_the_oracle_counts_triangles() -> None:

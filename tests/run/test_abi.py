@@ -12,7 +12,6 @@ import pytest
 import cltrace
 from cltrace.picture.image import OUTPUTS
 from cltrace.plan import abi, opencl
-from cltrace.plan.lists import ONE_LIST
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import COMPOSED, Request
 from cltrace.run import program
@@ -98,26 +97,6 @@ def test_flags_that_are_used_are_flags_that_can_be_set() -> None:
     assert used - own - builtins <= given
     assert set(abi.FLAGS) <= used
     assert all(re.search(rf"\b{name}\b", code) for name in abi.VALUES)
-
-
-def test_a_macro_has_one_file_only() -> None:
-    """All files are one text for the compiler, which warns where a second one takes a name, and then uses that one."""
-    homes: dict[str, set[str]] = {}
-    for file, text in KERNELS.items():
-        for name in re.findall(r"^[ \t]*#[ \t]*define[ \t]+(\w+)", text, re.MULTILINE):
-            homes.setdefault(name, set()).add(file)
-    assert {name: files for name, files in homes.items() if len(files) > 1} == {}
-
-
-def test_proofs_use_the_constants_of_the_code() -> None:
-    """Where a comment derives something from a constant, it says so as [NAME = value]."""
-    texts = [*KERNELS.values(), *(p.read_text("utf-8") for p in (ROOT / "cltrace").rglob("*.py"))]
-    cited = [pair for text in texts for pair in re.findall(r"\[([A-Z_]+) = (\d+)\]", text)]
-    for name, value in cited:
-        assert abi.CONSTANTS[name] == int(value), name
-    assert {"FILTER_ROUNDINGS", "DISC_ROUNDINGS", "TILE"} <= {name for name, _ in cited}
-    # The bits of a cell in a light's mask are read with & 31.
-    assert ONE_LIST <= 32
 
 
 def test_a_program_for_each_combination_of_features_only() -> None:

@@ -16,7 +16,6 @@ from cltrace.plan.request import Request
 from cltrace.plan.view import CameraView
 from cltrace.plan.world import ScenePacking
 from cltrace.run.devices import Device
-from cltrace.run.pack import packers
 from cltrace.run.pack.meshes import MeshPacker
 
 Floats = NDArray[np.float64]
@@ -91,18 +90,3 @@ def test_bits(device: Device, precision: Precision, name: str) -> None:
 def test_bits_on_a_gpu(device: Device) -> None:
     """A GPU takes one triangle at a time, and has memory of its own. Here a CPU does that."""
     both(edge_on(), Gpu(device.spec, device.cl), Request())
-
-
-@pytest.mark.slow
-def test_pictures(device: Device) -> None:
-    """A Renderer takes buffers that the device has made, also for another camera."""
-    renderer = cltrace.Renderer(edge_on(), device)
-    assert "facet" not in renderer.plan.arrays
-    other = cltrace.Camera(position=(1.0, 2.0, 2.5), resolution=(97, 61))
-    moved = renderer.look(other)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(packers, "MANY", 2**31)
-        for found in (renderer, moved):
-            expected = cltrace.Renderer(found.scene, device)
-            assert "facet" in expected.plan.arrays
-            assert np.array_equal(found.render().rgb8, expected.render().rgb8)

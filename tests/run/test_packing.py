@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from random_scenes import tunnel
 
 import cltrace
-from cltrace.picture.image import Output
 from cltrace.plan.abi import Precision
 from cltrace.plan.request import Request
 from cltrace.plan.view import CameraView
@@ -138,8 +137,6 @@ def in_a_tunnel() -> cltrace.Scene:
     return scene(*tunnel(3000), lights, position=(0, 0, -0.5), lookat=(0, 0, -9))
 
 
-DRAWN: tuple[Output, ...] = ("rgb8", "id")  # by the program that --doctor has
-
 CASES: dict[str, Callable[[], cltrace.Scene]] = {
     "scattered": lambda: scene(*balls()),
     "one more than lists are made for": lambda: scene(*balls(17)),
@@ -226,11 +223,12 @@ def test_bits_along_the_view(device: Device, precision: Precision, name: str) ->
     assert made == 5 or name == "few in the light"
 
 
-def test_bits_along_the_view_of_what_is_wanted(device: Device) -> None:
-    """Of a crop, of antialiased pixels, and of pixels that float32 does not tell apart, which are numpy's."""
-    wanted = (8, 9, 50, 40)
-    for request in (Request(crop=(13, 7, 30, 22)), Request(samples=16, crop=wanted)):
-        both(crowded().seen_by(parallel()), device, request)
+def test_bits_of_what_is_wanted(device: Device) -> None:
+    """Of a crop; of antialiased pixels, whose borders are seen, too, so that lists are half a pixel wider; and of
+    pixels that float32 does not tell apart, which are numpy's."""
+    for request in (Request(crop=(13, 7, 30, 22)), Request(samples=16, crop=(8, 9, 50, 40))):
+        for by in (camera(), parallel()):
+            both(crowded().seen_by(by), device, request)
     assert not both(crowded().seen_by(parallel(height=2.0**-13, lookat=(0.1, 0.2, 0))), device, Request())
 
 
@@ -271,29 +269,6 @@ def test_lists_of_cameras_are_side_by_side(
     assert made_lists(view, made, packer.tools) == expected[by]
 
 
-def test_bits_of_a_crop(device: Device) -> None:
-    both(crowded(), device, Request(crop=(13, 7, 30, 22)))
-
-
-def test_bits_of_antialiasing(device: Device) -> None:
-    """Pixels' borders are seen, too, so lists are half a pixel wider."""
-    both(scene(*balls()), device, Request(samples=16, crop=(8, 9, 50, 40)))
-
-
-def test_pictures(device: Device) -> None:
-    """A Renderer takes buffers that the device has made, also for another camera."""
-    renderer = cltrace.Renderer(crowded(), device, outputs=DRAWN)
-    assert "entry" not in renderer.plan.arrays
-    other = camera(position=(1.0, 2.0, 2.5))
-    moved = renderer.look(other)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(packers, "MANY", 2**31)
-        for found, by_camera in ((renderer, camera()), (moved, other)):
-            expected = cltrace.Renderer(crowded().seen_by(by_camera), device, outputs=DRAWN)
-            assert "entry" in expected.plan.arrays
-            assert np.array_equal(found.render().rgb8, expected.render().rgb8)
-
-
 def test_further_cameras_are_packed_of_fewer(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """From a quarter of the surfaces on, as long as these stay where they are. All have what lights see in common."""
     monkeypatch.setattr(packers, "MANY", 4 * 3000 - 1)
@@ -305,20 +280,6 @@ def test_further_cameras_are_packed_of_fewer(device: Device, monkeypatch: pytest
     assert "entry" in moved.update(centers=balls(3000, 0.3, 7)[0]).plan.arrays
     monkeypatch.setattr(packers, "MANY", 4 * 3000)
     assert "entry" in cltrace.Renderer(crowded(), device).look(other).plan.arrays
-
-
-def test_pictures_of_updates(device: Device) -> None:
-    """Other colours keep what the device has packed; other places do not. Other cameras see both."""
-    renderer, (centers, _) = cltrace.Renderer(crowded(), device, outputs=DRAWN), balls(3000, 0.3, 7)
-    entry = renderer._executor.buffers["entry"]
-    assert renderer.update(colors=np.abs(centers))._executor.buffers["entry"] is entry
-    moved = renderer.look(camera(position=(1.0, 2.0, 2.5)))
-    assert renderer.update(centers=centers)._executor.buffers["entry"] is not entry
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(packers, "MANY", 2**31)
-        for found in (renderer, moved, renderer.look(camera(position=(1.0, 2.0, 2.5)))):
-            expected = cltrace.Renderer(found.scene, device, outputs=DRAWN)
-            assert np.array_equal(found.render().rgb8, expected.render().rgb8)
 
 
 def test_memory_is_used_again_when_nobody_uses_it(device: Device) -> None:

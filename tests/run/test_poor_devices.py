@@ -8,7 +8,6 @@ import shutil
 from collections.abc import Iterable
 from dataclasses import replace
 from math import prod
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -160,15 +159,6 @@ def test_what_is_simulated_is_so(poor: Device, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(program, "source", lambda files: NO_DOUBLES + "__kernel void render(double x) {}")
     with pytest.raises(BuildError, match="double"):
         program.program(poor, [])
-
-
-def test_programs_need_no_images_and_few_constants() -> None:
-    """Constants are tables in the text, and structures: an array as an argument could be larger than their room."""
-    for path in sorted(Path(str(program.kernel_folder())).rglob("*.cl")):
-        text = path.read_text("utf-8")
-        assert not re.search(r"\b(image[123]d|sampler)", text), path
-        for arguments in re.findall(r"__kernel void \w+\(([^)]*)\)", text):
-            assert set(re.findall(r"__constant (\w+)", arguments)) <= {"Pane", "Place", "Levels"}, path
 
 
 @pytest.mark.slow
