@@ -36,7 +36,7 @@ _NAMES = {
     "cltrace.formats.reader": ("load",),
     "cltrace.movie.animate": ("animate",),
     "cltrace.movie.frames": ("orbit",),
-    "cltrace.picture.colorbar": ("colorbar",),
+    "cltrace.picture.palettes": ("colorbar",),
     "cltrace.picture.image": ("Image",),
     "cltrace.renderers.rays": ("Hits", "trace_rays"),
     "cltrace.renderers.renderer": ("Renderer", "render"),
@@ -82,8 +82,8 @@ if TYPE_CHECKING:
     from cltrace.formats.reader import load as load
     from cltrace.movie.animate import animate as animate
     from cltrace.movie.frames import orbit as orbit
-    from cltrace.picture.colorbar import colorbar as colorbar
     from cltrace.picture.image import Image as Image
+    from cltrace.picture.palettes import colorbar as colorbar
     from cltrace.renderers.rays import Hits as Hits
     from cltrace.renderers.rays import trace_rays as trace_rays
     from cltrace.renderers.renderer import Renderer as Renderer
