@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,34 +34,25 @@ class Composition:
     effects: Effects | None = None
 
     @classmethod
-    def of(cls, outputs: Any, scene: Scene, truncate: bool, effects: Effects | None = None) -> Composition:
+    def of(cls, outputs: tuple[str, ...], scene: Scene, truncate: bool, effects: Effects | None = None) -> Composition:
         """For what was asked of a scene. A picture in front of a background that lets through has its alpha, too.
 
         Raises ValueError where an error is wanted of colours with effects.
         """
-        listed = isinstance(outputs, Sequence) and not isinstance(outputs, str)  # else a Request will complain
-        if effects and listed and "error" in outputs:
+        if effects and "error" in outputs:
             raise ValueError("outputs: error goes with neither outline nor fog, of which it knows nothing")
-        shown = listed and "rgb8" in outputs and scene.background_alpha < 1
-        return cls(
-            (*outputs, "rgba8") if shown else outputs,
-            scene.background,
-            scene.background_alpha,
-            scene.transfer,
-            truncate,
-            effects if listed and any(name in outputs for name in ("rgb8", "rgba8", "color", "alpha")) else None,
-        )
+        more = ("rgba8",) if "rgb8" in outputs and scene.background_alpha < 1 else ()
+        colored = not {"rgb8", "rgba8", "color", "alpha"}.isdisjoint(outputs)
+        looks = (scene.background, scene.background_alpha, scene.transfer)
+        return cls((*outputs, *more), *looks, truncate, effects if colored else None)
 
     @property
     def written(self) -> tuple[str, ...]:
         """What the kernel is asked for. It knows linear bytes only, so others are made of its colours."""
-        if isinstance(self.outputs, str) or not isinstance(self.outputs, Sequence):
-            return self.outputs
         curved = self.transfer != "linear" and not {"rgb8", "rgba8", "error"}.isdisjoint(self.outputs)
         straight = self.alpha < 1 and "color" in self.outputs
-        if self.effects:
-            return (*self.outputs, "color", "alpha")
-        return (*self.outputs, *(("color",) if curved else ()), *(("alpha",) if straight else ()))
+        color = ("color",) if curved or self.effects else ()
+        return (*self.outputs, *color, *(("alpha",) if straight or self.effects else ()))
 
     def with_effects(self, written: Mapping[str, NDArray[Any]], shares: Shares) -> Mapping[str, NDArray[Any]]:
         """What the kernel has written, with the effects in it. shares: where they are."""

@@ -263,7 +263,8 @@ class Renderer:
         )
         how: dict[str, Any] = {"crop": crop, "truncate": truncate, "keep": keep}
         how["samples"] = samples_of(antialias, samples)
-        request = Request(settings.precision, settings.composition(scene, truncate).written, **how)
+        request = Request(settings.precision, outputs, **how)  # which refuses what are no outputs
+        request = replace(request, outputs=settings.composition(scene, truncate).written)
         request = replace(request, precision=precision_for(scene, settings.precision))
         if request.precision != "single" and not at.has_double:
             raise DeviceError(
