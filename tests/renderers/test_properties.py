@@ -11,7 +11,6 @@ from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
-import pyopencl as cl
 import pytest
 from fuzzing import examples
 from hostile.sphere_regimes import camera_space, rays
@@ -26,7 +25,6 @@ from cltrace.base.arithmetic import two_product, two_sum
 from cltrace.plan.rounding import dot_products, square_excess
 from cltrace.reference import world_of
 from cltrace.reference.trace import primary_ray, trace
-from cltrace.run.devices import Device
 
 PLAIN = examples(25)
 # float32's whole range, and 0, at all sizes alike.
@@ -154,29 +152,6 @@ def test_powers_are_rounded_once(spheres: list[tuple[float, float, float, float]
         assert abs(Fraction(got) + Fraction(more) - exact) <= abs(exact) * Fraction(1, 2**99)
 
 
-def test_powers_that_cancel_need_no_rational_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Many spheres through a point, or past it by an ulp, as it happens where all pass through the origin."""
-    monkeypatch.setattr(cltrace.plan.rounding, "Fraction", None)
-    rng = np.random.default_rng(0)
-    # In decimals, a vector is as long as the radius but for an ulp; the point adds a hi and a lo.
-    spheres = np.array([(3, 4, 0, 5), (1, 2, 2, 3), (2, 3, 6, 7), (4, 4, 7, 9)])[rng.integers(4, size=500)] * 0.1
-    point, r = rng.normal(size=3), spheres[:, 3]
-    hi, lo = two_sum(spheres[:, :3] + point, -point)
-    first, _ = square_excess(hi, lo, r)
-    # Moved along itself by what is left, it is as long as the radius but for 2^-105.
-    for low in (lo, lo - first[:, None] * hi / (2 * (hi * hi).sum(axis=1))[:, None]):
-        c, rest = square_excess(hi, low, r)
-        for i in range(500):
-            exact = sum((Fraction(x) + Fraction(y)) ** 2 for x, y in zip(hi[i].tolist(), low[i].tolist(), strict=True))
-            exact -= Fraction(float(r[i])) ** 2
-            assert c[i] == float(exact)
-            assert abs(Fraction(float(c[i])) + Fraction(float(rest[i])) - exact) <= abs(exact) * Fraction(1, 2**99)
-    whole = np.array([(3.0, 4.0, 0.0, 5.0), (1.0, 2.0, 2.0, 3.0), (2.0, 3.0, 6.0, 7.0)]) * 2.0**-30
-    c, rest = square_excess(whole[:, :3], 0 * whole[:, :3], whole[:, 3])
-    assert not c.any()
-    assert not rest.any()
-
-
 @PLAIN
 @given(numbers, numbers)
 def test_error_free_transformations(a: float, b: float) -> None:
@@ -218,10 +193,3 @@ def test_the_number_of_threads_changes_no_bit() -> None:
         done = subprocess.run([sys.executable, "-c", script, folder], env=env, capture_output=True, check=True)
         results.add(done.stdout)
     assert len(results) == 1
-
-
-def test_devices_are_as_precise_as_assumed(device: Device) -> None:
-    """Denormal doubles and fused multiply-add, on which pairs of doubles rest."""
-    if device.has_double:
-        wanted = cl.device_fp_config.DENORM | cl.device_fp_config.FMA | cl.device_fp_config.ROUND_TO_NEAREST
-        assert device.cl.double_fp_config & wanted == wanted

@@ -9,7 +9,6 @@ import pickle
 import shutil
 import subprocess
 import sys
-import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -99,18 +98,6 @@ def test_an_image_is_an_array_of_its_bytes() -> None:
         image.__array__(float, copy=False)
     with pytest.raises(ValueError, match=r"^show: the image has no rgb8, only depth; show='depth' shows what it has$"):
         np.asarray(Image(depth=np.zeros((1, 2))))
-
-
-def test_threads_share_a_renderer(any_device: Device) -> None:
-    renderer = Renderer(usual_scene(), any_device, outputs=("rgb8", "id"))
-    want, got = renderer.render(), []
-    threads = [threading.Thread(target=lambda: got.append(renderer.render())) for _ in range(8)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert len(got) == 8
-    assert all(np.array_equal(image.rgb8, want.rgb8) and np.array_equal(image.id, want.id) for image in got)
 
 
 def _in_a_fork(queue: multiprocessing.Queue[str], attempts: list[Callable[[], object]]) -> None:

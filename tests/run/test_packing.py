@@ -20,6 +20,7 @@ from cltrace.plan.view import CameraView
 from cltrace.plan.world import ScenePacking
 from cltrace.run.devices import Device
 from cltrace.run.pack import lists, packers
+from cltrace.run.pack.meshes import MeshPacker
 from cltrace.run.pack.spheres import SpherePacker
 from cltrace.run.pack.toolbox import Toolbox
 from cltrace.scene import PARALLEL, AnyCamera
@@ -299,3 +300,70 @@ def test_memory_is_used_again_when_nobody_uses_it(device: Device) -> None:
     kept = tools.room(1000, np.float64, again=True)
     assert address(kept) == first
     assert address(tools.room(1000, np.float64, again=True)) not in (first, address(other))
+
+
+# ------------------------------------------------------------------------------- triangles, ellipsoids and spheres
+
+
+def of(vertices: Floats, triangles: NDArray[np.int64], lights: object = LIGHTS, shift: float = 0) -> cltrace.Scene:
+    eye = camera(position=(0.1 + shift, 0.2, 3.0), lookat=(shift, 0, 0))
+    return cltrace.Scene.from_meshes(eye, lights, cltrace.Mesh(vertices + (shift, 0, 0), triangles))  # type: ignore[arg-type]
+
+
+def soup(n: int = 301, size: float = 0.2, seed: int = 1) -> tuple[Floats, NDArray[np.int64]]:
+    rng = np.random.default_rng(seed)
+    corners = rng.uniform(-1, 1, (n, 1, 3)) + rng.normal(size=(n, 3, 3)) * size
+    return corners.reshape(-1, 3), np.arange(3 * n).reshape(-1, 3)
+
+
+def edge_on() -> cltrace.Scene:
+    """The eye and a light are in the planes of triangles, exactly or but for a last digit."""
+    rng = np.random.default_rng(2)
+    grid = rng.integers(-8, 9, (300, 3, 3)) / 8
+    eye, lamp = np.array([0.1, 0.2, 3.0]), np.array([3.0, 4.0, 5.0])
+    grid[:100, 2] = eye + (grid[:100, 0] - eye) * 2 + (grid[:100, 1] - eye) * -0.5
+    grid[100:200, 2] = lamp + (grid[100:200, 0] - lamp) / 4 + (grid[100:200, 1] - lamp) / 2
+    grid[200:] = grid[:100] * (1 + 2.0**-52)
+    return of(grid.reshape(-1, 3), np.arange(900).reshape(-1, 3))
+
+
+def ellipsoids(n: int, meshes: object = ()) -> cltrace.Scene:
+    rng = np.random.default_rng(5)
+    maps = np.where(rng.random(n)[:, None, None] < 0.3, np.eye(3), rng.normal(size=(n, 3, 3)))
+    centers, radii = rng.uniform(-1, 1, (n, 3)), rng.uniform(0.02, 0.1, n)
+    return cltrace.Scene.from_spheres(camera(), LIGHTS, centers, radii, transform=maps, meshes=meshes)  # type: ignore[arg-type]
+
+
+MIXED: dict[str, Callable[[], cltrace.Scene]] = {
+    "soup": lambda: of(*soup()),
+    "one": lambda: of(*soup(1)),
+    "around the eye": lambda: of(*soup(301, 4.0)),
+    "around a light": lambda: of(soup()[0] * 4, soup()[1]),
+    "many": lambda: of(*soup(70_000, 0.02)),
+    "needles": lambda: of(soup()[0] * (1, 1e-7, 1), soup()[1]),
+    "tiny": lambda: of(*soup(301, 1e-13)),
+    "small": lambda: of(soup()[0] * 2.0**-14, soup()[1]),
+    "edge on": edge_on,
+    "far away": lambda: of(*soup(), LIGHTS[:2], 1e7),
+    "ellipsoids": lambda: ellipsoids(300),
+    "ellipsoids and triangles": lambda: ellipsoids(300, cltrace.Mesh(*soup())),
+    "one cell": lambda: of(*soup()).seen_by(camera(resolution=(4, 3))),
+    "nothing seen": lambda: of(*soup()).seen_by(camera(lookat=(0, 0, 12))),
+    "no light": lambda: of(*soup(), []),
+}
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize(
+    ("name", "kind"), [*((name, Device) for name in MIXED), pytest.param("edge on", Gpu, marks=pytest.mark.slow)]
+)
+def test_bits_of_what_numpy_packs_with_a_device(
+    device: Device, precision: Precision, name: str, kind: type[Device]
+) -> None:
+    """Buffers of triangles, ellipsoids and spheres, but for lists, have the bits of numpy's."""
+    seen, request = MIXED[name](), Request(precision)
+    world = ScenePacking.of(seen, request)
+    packer = MeshPacker.of(world, request, kind(device.spec, device.cl))
+    assert packer is not None
+    view, made = packer.view(world, seen.camera)
+    check_same_view(view, made, packer.tools, CameraView.of(world, seen.camera, request))
