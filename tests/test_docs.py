@@ -18,10 +18,10 @@ from cltrace.base.limits import (
     MAX_CYLINDERS,
     MAX_LIGHTS,
     MAX_MESHES,
-    MAX_PARTS,
     MAX_PIXELS,
     MAX_SIDE,
     MAX_SPHERES,
+    MAX_STEPS,
     MAX_TEXELS,
     MAX_TRIANGLES,
     MAX_UNREADABLE,
@@ -31,7 +31,7 @@ from cltrace.base.limits import (
     TEXTURE_BYTES,
 )
 from cltrace.bench import cli as bench
-from cltrace.formats import checks
+from cltrace.formats import surfaces
 from cltrace.students.check import DEFAULT_PIXELS, DEFAULT_TESTS
 
 PROSE = [*FILES, ROOT / "CHANGELOG.md"]
@@ -66,7 +66,7 @@ def test_limits_and_names_are_those_of_the_code() -> None:
     for row in (
         f"a scene's file, a texture's | {SCENE_BYTES // 2**30} GiB",
         f"a mesh's file | {MESH_BYTES // 2**30} GiB",
-        f"parts of one element: those within it, texts and attributes | {MAX_PARTS:,}",
+        f"steps of a transform | {MAX_STEPS:,}",
         f"lights | {MAX_LIGHTS:,}",
         f"spheres | 2^{MAX_SPHERES.bit_length() - 1} ({MAX_SPHERES // 10**6} million)",
         f"meshes | {MAX_MESHES:,}",
@@ -81,7 +81,7 @@ def test_limits_and_names_are_those_of_the_code() -> None:
         assert f"| {row} |" in texts["format.md"]
     assert SCENE_BYTES == TEXTURE_BYTES
     assert f"after {MAX_UNREADABLE:,} that cannot be read" in texts["format.md"]
-    assert f"{1 / checks.MAX_SIZE:.2g}..{checks.MAX_SIZE:.2g}".replace("e+", "e") in texts["format.md"]
+    assert f"{1 / surfaces.MAX_SIZE:.2g}..{surfaces.MAX_SIZE:.2g}".replace("e+", "e") in texts["format.md"]
     assert f"{DEFAULT_PIXELS:,} pixels, but no more than {DEFAULT_TESTS:,} divided" in texts["command.md"]
 
 

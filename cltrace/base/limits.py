@@ -42,12 +42,10 @@ MAX_BOXES = 2**24  # side by side, of Scene.replicate()
 
 SCENE_BYTES = TEXTURE_BYTES = 2**30
 MESH_BYTES = 2**32
-# Of one sphere, mesh, light or other element, which is kept until it is complete. libxml2 has a limit for how deep
-# elements are in each other: 256.
-MAX_PARTS = 100_000
-# Prefixes of namespaces in a file, and characters of a namespace. libxml2 compares each prefix of an element with all
-# others, and every name in a namespace repeats it.
-MAX_PREFIXES, MAX_NAMESPACE = 100, 250
+MAX_DEPTH = 256  # of elements in each other
+MAX_TAG = 2**22  # bytes of a tag or comment, which is parsed anew with each 2^17 of them
+MAX_NAMES = 10_000  # of unknown elements and attributes, which the parser keeps
+MAX_STEPS = 100_000  # of a transform
 MAX_FAULTS = 100_000  # of a mesh's file, after which no more of it is read
 MAX_UNREADABLE = 1000  # files, after which no more are looked for
 
@@ -72,7 +70,7 @@ NAMES = {
     "seconds": ("MAX_SECONDS", MAX_SECONDS),
     "side": ("MAX_SIDE", MAX_SIDE),
     "pixels": ("MAX_PIXELS", MAX_PIXELS),
-    "parts": ("MAX_PARTS", 2**26),
+    "steps": ("MAX_STEPS", 2**26),
     "scene-bytes": ("SCENE_BYTES", 2**40),
     "mesh-bytes": ("MESH_BYTES", 2**40),
     "texture-bytes": ("TEXTURE_BYTES", 2**40),

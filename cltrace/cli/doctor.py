@@ -32,7 +32,7 @@ from cltrace.students.check import check
 LOAD = "import ctypes, sys; ctypes.CDLL(sys.argv[1])"
 # Seconds until a child is given up: a driver's first program has taken 12 seconds on a busy machine.
 PATIENCE = 120
-PACKAGES = ("numpy", "pyopencl", "lxml", "pillow", "pocl-binary-distribution", "intel-opencl-rt")
+PACKAGES = ("numpy", "pyopencl", "pillow", "pocl-binary-distribution", "intel-opencl-rt")
 
 
 def doctor(spec: str | None = None, say: Callable[[str], None] = print) -> int:

@@ -46,14 +46,11 @@ def files_of(scene: Scene) -> tuple[Path, ...]:
     return scene.source.files if scene.source else ()
 
 
-def scene_of(path: str, options: Options, reporter: Reporter, lines: bool = False) -> Scene:
-    """The scene of a file, with the camera and background that are asked for; its warnings are said.
-
-    lines: whether surfaces and lights keep their lines in the file.
-    """
+def scene_of(path: str, options: Options, reporter: Reporter) -> Scene:
+    """The scene of a file, with the camera and background that are asked for; its warnings are said."""
     try:
         with Announcement(f"reading {path} ...", SLOW):
-            scene, warnings = read(path, lines, INSTANCES)
+            scene, warnings = read(path, INSTANCES)
     except SceneError as error:
         reporter.files |= set(error.files)
         raise

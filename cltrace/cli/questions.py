@@ -20,7 +20,7 @@ SETS = 12  # of lights, of how many --show lit says the colours
 
 def explain(options: Options, reporter: Reporter) -> int:
     """Prints why a pixel has its colour."""
-    scene = scene_of(options.scenes[0], options, reporter, lines=True)
+    scene = scene_of(options.scenes[0], options, reporter)
     (x, y), (width, height) = options.explain or (0, 0), scene.camera.resolution
     if not (x < width and y < height):
         raise UsageError(f"--explain: must be within 0,0 and {width - 1},{height - 1}, got {x},{y}")

@@ -28,7 +28,7 @@ def view(options: Options, reporter: Reporter) -> int:
     device = choose(options.device)
     how = options.renderer_options(())
     del how["outputs"], how["antialias"], how["samples"]
-    read = partial(scene_of, options.scenes[0], options, reporter, lines=True)
+    read = partial(scene_of, options.scenes[0], options, reporter)
     scene = read()
     film = comparison = None
     if options.orbit is not None:

@@ -1,7 +1,7 @@
 """The schema of scene files: for each element its attributes, its children, and what these must be together.
 
-A kind of attribute is a `Rule` for a number, or a function that reads the text. A fault is a ValueError; its words
-belong behind the attribute's name.
+Each attribute has a function that reads its text. A fault is a ValueError, whose words belong behind the attribute's
+name. Reading, checking and hints at what was meant all follow this table.
 """
 
 from __future__ import annotations
@@ -37,16 +37,11 @@ from cltrace.scene import (
     sun_light,
 )
 
-Kind = Rule | Callable[[str], Any]
-NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
-_FLOAT = re.compile(rf"{NUMBER}|[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
+_FLOAT = re.compile(
+    r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?|[-+]?(?:nan|inf|infinity)", re.IGNORECASE
+)
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _XML_SPACE = " \t\r\n"
-
-
-def value(kind: Kind, text: str) -> Any:
-    """The value of an attribute with this text. Raises ValueError."""
-    return number(kind, text) if isinstance(kind, Rule) else kind(text)
 
 
 def number(rule: Rule, text: str) -> float:
@@ -114,44 +109,69 @@ def relative_path(text: str) -> str:
     return text
 
 
-Values = dict[str, Any]  # attribute -> value, child -> its Values; of a transform: "steps" -> [(element, Values), ...]
-
-
 @dataclass(frozen=True)
-class Element:
-    """An element: every attribute and one of each of `children` is required ("a|b": one of the two).
+class ElementKind:
+    """What an element has: every attribute and one of each of `children` is required ("a|b": one of the two).
 
     `check` says what makes no sense about the values together. It may raise KeyError where a value that it needs is
-    missing or faulty itself.
+    missing or faulty itself. `doubt` says of an element without faults what hardly is as it was meant.
     """
 
-    attributes: Mapping[str, Kind] = field(default_factory=dict)
+    attributes: Mapping[str, Callable[[str], Any]] = field(default_factory=dict)
     children: tuple[str, ...] = ()
     optional: tuple[str, ...] = ()
     many: tuple[str, ...] = ()
-    check: Callable[[Values], str | None] = lambda _: None
+    check: Callable[[Element], str | None] = lambda _: None
+    doubt: Callable[[Element], str | None] = lambda _: None
 
     @functools.cached_property
     def slots(self) -> dict[str, str]:
         """For each child that may occur once, the entry of `children` or `optional` that it fills."""
         return {name: slot for slot in self.children + self.optional for name in slot.split("|")}
 
-    @functools.cached_property
-    def known(self) -> tuple[str, ...]:
-        """The names of all children that may occur."""
-        return (*self.slots, *self.many)
+
+class Element:
+    """An element of a file: its valid attributes and children, by their names.
+
+    line: where it begins; label: what messages call it; kind: None if it is unknown, or once too often, and so ignored;
+    whole: whether it has all that it needs; filled: the slots of the children that have been there; strays: the lines
+    of unknown children; steps: of a transform.
+    """
+
+    __slots__ = ("filled", "kind", "label", "line", "steps", "strays", "tag", "values", "whole")
+
+    def __init__(self, tag: str, line: int, parent: Element | None) -> None:
+        self.tag, self.line = tag, line
+        self.label = tag if parent is None or parent.tag in SECTIONS else f"{parent.tag} {tag}"
+        self.kind: ElementKind | None = None
+        self.values: dict[str, Any] = {}
+        self.filled: list[str] = []
+        self.strays: dict[str, int] = {}
+        self.steps: list[Element] = []
+        self.whole = True
+
+    def __getitem__(self, name: str) -> Any:
+        return self.values[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.values
+
+    @property
+    def numbers(self) -> tuple[Any, ...]:
+        """The values of all attributes, in the order of the schema. Raises KeyError if one is missing or faulty."""
+        return tuple(self.values[name] for name in ELEMENTS[self.tag].attributes)
 
 
-def _not_zero(v: Values) -> str | None:
+def _not_zero(v: Element) -> str | None:
     return None if v["x"] or v["y"] or v["z"] else "must not be 0"
 
 
-def _not_singular(v: Values) -> str | None:
+def _not_singular(v: Element) -> str | None:
     return None if v["x"] and v["y"] and v["z"] else "must not be singular, got a factor of 0"
 
 
-def _long(v: Values) -> str | None:
-    return "end must not be the start" if v["start"] == v["end"] and len(v["start"]) == 3 else None
+def _long(v: Element) -> str | None:
+    return "end must not be the start" if v["start"].numbers == v["end"].numbers else None
 
 
 def rotations(attributes: Mapping[str, str]) -> tuple[str, ...]:
@@ -161,12 +181,12 @@ def rotations(attributes: Mapping[str, str]) -> tuple[str, ...]:
     return (f"rotate{named[0].upper()}",) if len(named) == 1 else ()
 
 
-def _ordered(v: Values) -> str | None:
+def _ordered(v: Element) -> str | None:
     inner, outer = v["alpha1"], v["alpha2"]
     return f"alpha1 must be <= alpha2 ({outer:g}), got {inner:g}" if inner > outer else None
 
 
-def _size(v: Values) -> str | None:
+def _size(v: Element) -> str | None:
     try:
         check_resolution((v["horizontal"], v["vertical"]))
     except ValueError as error:
@@ -174,18 +194,33 @@ def _size(v: Values) -> str | None:
     return None
 
 
-def _index_of_glass(v: Values) -> str | None:
+def _index_of_glass(v: Element) -> str | None:
     iof = v["refraction"]["iof"]
     return f"refraction iof must be > 0 where t > 0, got {iof:g}" if v["transmittance"]["t"] > 0 and iof <= 0 else None
 
 
-def _up_with_below(v: Values) -> str | None:
+def _up_with_below(v: Element) -> str | None:
     return "<below> goes with <up>, which is missing" if "below" in v and "up" not in v else None
 
 
-def _spans(v: Values) -> str | None:
-    across, along = (np.array(list(v[name].values())) for name in ("across", "along"))
+def _spans(v: Element) -> str | None:
+    across, along = (np.array(v[name].numbers) for name in ("across", "along"))
     return "across and along must not be along one line" if spans_no_area(across, along) else None
+
+
+def _like_bytes(v: Element) -> str | None:
+    """One number is a whole one from 16 on, and none is above 255: a light may well be a few times brighter than 1."""
+    color = v.numbers
+    if max(color) > 255 or not any(share >= 16 and share == int(share) for share in color):
+        return None
+    return f"{', '.join(f'{share:g}' for share in color)} looks like bytes of 0..255, but 1 is full: divide by 255"
+
+
+def _more_than_all(v: Element) -> str | None:
+    shares = v["reflectance"]["r"] + v["transmittance"]["t"]
+    if shares <= 1 + np.finfo(np.float32).eps:  # what is written as 0.7 + 0.3 is 1
+        return None
+    return f"r + t = {shares:g} is above 1: more light goes on than reaches it"
 
 
 # What makes the light of each element. Soft lights are an extension: the course has the first four.
@@ -199,60 +234,63 @@ LIGHTS: Mapping[str, Callable[..., NDArray[np.void]]] = {
     "ball_light": ball_light,
     "panel_light": panel_light,
 }
-_RGB = dict.fromkeys("rgb", NOT_NEGATIVE)
-_XYZ = dict.fromkeys("xyz", ANY)
-_ANGLE = {"theta": ANY}
+_any, _positive, _not_negative, _cone = (
+    functools.partial(number, rule) for rule in (ANY, POSITIVE, NOT_NEGATIVE, CONE)
+)
+_RGB = dict.fromkeys("rgb", _not_negative)
+_XYZ = dict.fromkeys("xyz", _any)
+_ANGLE = {"theta": _any}
 _MEMBERS = _whole(1, MAX_LIGHTS, "lights")  # how many lights a soft light stands for
 MATERIALS = ("material_solid", "material_textured")
 _MATERIAL = "|".join(MATERIALS)
 _FINISH = ("phong", "reflectance", "transmittance", "refraction")
 
 ELEMENTS = {
-    "scene": Element({"output_file": file_name}, ("background_color", "camera", "lights", "surfaces")),
-    "background_color": Element(_RGB),
-    "camera": Element(children=("position", "lookat", "up", "horizontal_fov", "resolution", "max_bounces")),
-    "lookat": Element(_XYZ),
-    "up": Element(_XYZ, check=_not_zero),
-    "horizontal_fov": Element({"angle": FOV}),
-    "resolution": Element({"horizontal": integer, "vertical": integer}, check=_size),
-    "max_bounces": Element({"n": _whole(0, MAX_BOUNCES)}),
-    "lights": Element(many=tuple(LIGHTS)),
-    "ambient_light": Element(children=("color",)),
-    "parallel_light": Element(children=("color", "direction")),
-    "point_light": Element(children=("color", "position")),
-    "spot_light": Element(children=("color", "position", "direction", "falloff")),
-    "sky_light": Element(children=("color",), optional=("up", "below", "directions"), check=_up_with_below),
-    "sun_light": Element({"angle": CONE}, ("color", "direction"), ("directions",)),
-    "ball_light": Element({"radius": POSITIVE}, ("color", "position"), ("points",)),
-    "panel_light": Element(children=("color", "position", "across", "along"), optional=("points",), check=_spans),
-    "color": Element(_RGB),
-    "position": Element(_XYZ),
-    "direction": Element(_XYZ, check=_not_zero),
-    "falloff": Element({"alpha1": CONE, "alpha2": CONE}, check=_ordered),
-    "below": Element(_RGB),
-    "across": Element(_XYZ, check=_not_zero),
-    "along": Element(_XYZ, check=_not_zero),
-    "directions": Element({"n": _MEMBERS}),
-    "points": Element({"n": _MEMBERS}),
-    "surfaces": Element(many=("sphere", "mesh", "cylinder")),
-    "sphere": Element({"radius": POSITIVE}, ("position", _MATERIAL), ("transform",)),
-    "mesh": Element({"name": relative_path}, (_MATERIAL,), ("transform",)),
-    "cylinder": Element({"radius": POSITIVE}, ("start", "end", _MATERIAL), check=_long),
-    "start": Element(_XYZ),
-    "end": Element(_XYZ),
-    "material_solid": Element(children=("color", *_FINISH), check=_index_of_glass),
-    "material_textured": Element(children=("texture", *_FINISH), check=_index_of_glass),
-    "texture": Element({"name": relative_path}),
-    "phong": Element(dict.fromkeys(("ka", "kd", "ks", "exponent"), NOT_NEGATIVE)),
-    "reflectance": Element({"r": NOT_NEGATIVE}),
-    "transmittance": Element({"t": NOT_NEGATIVE}),
-    "refraction": Element({"iof": ANY}),
-    "transform": Element(many=("translate", "scale", "rotateX", "rotateY", "rotateZ")),
-    "translate": Element(_XYZ),
-    "scale": Element(_XYZ, check=_not_singular),
-    "rotateX": Element(_ANGLE),
-    "rotateY": Element(_ANGLE),
-    "rotateZ": Element(_ANGLE),
+    "scene": ElementKind({"output_file": file_name}, ("background_color", "camera", "lights", "surfaces")),
+    "background_color": ElementKind(_RGB, doubt=_like_bytes),
+    "camera": ElementKind(children=("position", "lookat", "up", "horizontal_fov", "resolution", "max_bounces")),
+    "lookat": ElementKind(_XYZ),
+    "up": ElementKind(_XYZ, check=_not_zero),
+    "horizontal_fov": ElementKind({"angle": functools.partial(number, FOV)}),
+    "resolution": ElementKind({"horizontal": integer, "vertical": integer}, check=_size),
+    "max_bounces": ElementKind({"n": _whole(0, MAX_BOUNCES)}),
+    "lights": ElementKind(many=tuple(LIGHTS)),
+    "ambient_light": ElementKind(children=("color",)),
+    "parallel_light": ElementKind(children=("color", "direction")),
+    "point_light": ElementKind(children=("color", "position")),
+    "spot_light": ElementKind(children=("color", "position", "direction", "falloff")),
+    "sky_light": ElementKind(children=("color",), optional=("up", "below", "directions"), check=_up_with_below),
+    "sun_light": ElementKind({"angle": _cone}, ("color", "direction"), ("directions",)),
+    "ball_light": ElementKind({"radius": _positive}, ("color", "position"), ("points",)),
+    "panel_light": ElementKind(children=("color", "position", "across", "along"), optional=("points",), check=_spans),
+    "color": ElementKind(_RGB, doubt=_like_bytes),
+    "position": ElementKind(_XYZ),
+    "direction": ElementKind(_XYZ, check=_not_zero),
+    "falloff": ElementKind({"alpha1": _cone, "alpha2": _cone}, check=_ordered),
+    "below": ElementKind(_RGB, doubt=_like_bytes),
+    "across": ElementKind(_XYZ, check=_not_zero),
+    "along": ElementKind(_XYZ, check=_not_zero),
+    "directions": ElementKind({"n": _MEMBERS}),
+    "points": ElementKind({"n": _MEMBERS}),
+    "surfaces": ElementKind(many=("sphere", "mesh", "cylinder")),
+    "sphere": ElementKind({"radius": _positive}, ("position", _MATERIAL), ("transform",)),
+    "mesh": ElementKind({"name": relative_path}, (_MATERIAL,), ("transform",)),
+    "cylinder": ElementKind({"radius": _positive}, ("start", "end", _MATERIAL), check=_long),
+    "start": ElementKind(_XYZ),
+    "end": ElementKind(_XYZ),
+    "material_solid": ElementKind(children=("color", *_FINISH), check=_index_of_glass, doubt=_more_than_all),
+    "material_textured": ElementKind(children=("texture", *_FINISH), check=_index_of_glass, doubt=_more_than_all),
+    "texture": ElementKind({"name": relative_path}),
+    "phong": ElementKind(dict.fromkeys(("ka", "kd", "ks", "exponent"), _not_negative)),
+    "reflectance": ElementKind({"r": _not_negative}),
+    "transmittance": ElementKind({"t": _not_negative}),
+    "refraction": ElementKind({"iof": _any}),
+    "transform": ElementKind(many=("translate", "scale", "rotateX", "rotateY", "rotateZ")),
+    "translate": ElementKind(_XYZ),
+    "scale": ElementKind(_XYZ, check=_not_singular),
+    "rotateX": ElementKind(_ANGLE),
+    "rotateY": ElementKind(_ANGLE),
+    "rotateZ": ElementKind(_ANGLE),
 }
 # What is meant where something is missing and something unknown stands there: by the element and the unknown.
 MEANT = {
@@ -262,18 +300,18 @@ MEANT = {
     ("sphere", "material_spheremap"): "; did you mean <material_textured> for <material_spheremap>?",
     ("mesh", "material_spheremap"): "; did you mean <material_textured> for <material_spheremap>?",
 }
-# The children of these are read and dropped while the file is being parsed.
+# The children of these are dropped as soon as they are read.
 SECTIONS = ("scene", "lights", "surfaces")
 
 
-def light_of(name: str, values: Values) -> NDArray[np.void]:
-    """The light of an element with this name, as LIGHTS makes it: its attributes, vectors, and numbers of children."""
-    given: Values = {}
-    for child, value in values.items():
-        if not isinstance(value, dict):
-            given[child] = value
-        elif child == "falloff":
-            given |= value
+def light_of(element: Element) -> NDArray[np.void]:
+    """The light of an element, as LIGHTS makes it: of its attributes, vectors, and numbers of children."""
+    given: dict[str, Any] = {}
+    for name, value in element.values.items():
+        if not isinstance(value, Element):
+            given[name] = value
+        elif name == "falloff":
+            given |= value.values
         else:
-            given[child] = value["n"] if "n" in value else tuple(value.values())
-    return LIGHTS[name](**given)
+            given[name] = value.values.get("n") or value.numbers
+    return LIGHTS[element.tag](**given)

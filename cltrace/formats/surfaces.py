@@ -1,29 +1,20 @@
-"""The surfaces of a scene file: how the element of each shape becomes what a Scene takes.
-
-Spheres that are laid out as in the format's listing are converted together. A row is such a sphere: 14 numbers in the
-order of the file, which are its radius, centre, colour, Phong coefficients, reflectance, transmittance and index of
-refraction; then the number of its texture, -1 for none, and its index into the maps of the ellipsoids, -1 for a sphere.
-A finish is what a row has of the material: the colour up to the texture.
-"""
+"""The surfaces of a scene file: how the element of each shape becomes what a Scene takes."""
 
 from __future__ import annotations
 
 import math
-import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from array import array
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from lxml import etree
 from numpy.typing import NDArray
 
 from cltrace.base.errors import located
 from cltrace.base.limits import MAX_CYLINDERS, MAX_MESHES, MAX_SPHERES, MAX_TRIANGLES, MAX_VERTICES, hint
-from cltrace.formats.checks import Checks, Numbers, vector_of
-from cltrace.formats.document import LinesNeededError
-from cltrace.formats.faults import FatalError
-from cltrace.formats.schema import ELEMENTS, NUMBER, Values
+from cltrace.formats.elements import ElementReader
+from cltrace.formats.schema import Element
 from cltrace.scene import (
     ANY,
     CYLINDER,
@@ -41,8 +32,9 @@ from cltrace.scene import (
     uniform_scales,
 )
 
-ROW, FINISH, FINISHED = 16, slice(4, 15), 11
-MAX_TRANSFORMS = 10_000  # whose steps are kept
+# Colours are computed in float32, whose numbers are 2^-126 to 2^128 where they keep their digits. Sizes and their
+# inverses are squared for lengths, so they stay in there up to this.
+MAX_SIZE = 2.0**63
 # Whether rays meet ellipsoids is decided in pairs of doubles, which know squared distances to about 2^-104 of these. So
 # many times as far away as they are thick, no digits are left for normals; at 1e16 times, one hit of 15 was wrong.
 MAX_DISTANCE = 1e14
@@ -50,71 +42,49 @@ MAX_DISTANCE = 1e14
 # colours need: those of a mirrored ray that grazed a sphere were off by ten levels at 2.4 million times.
 MAX_REACH = 1e6
 
-Pending = Sequence[tuple[etree._Element, int]]  # complete elements, and their numbers among all surfaces
-Steps = Sequence[tuple[etree._Element, Values]]
+Numbers = NDArray[np.float64]
+Indices = NDArray[np.int32]
+Steps = Sequence[Element]
 Rows = Sequence[Sequence[float]]
-Maps = tuple[Rows, Rows]
 
 
 class ShapeReader(ABC):
-    """The surfaces of one element so far, whose faults and warnings `checks` are told of.
+    """The surfaces of one element so far.
 
-    words, most: what they are, and how many there may be; pending: those that are to be read before they are dropped;
-    transforms: of the first surfaces of the file that have some, the maps of their steps, by the surfaces' numbers.
+    words, most: what they are, and how many there may be; file: what is told of faults and warnings; count: of all,
+    also of those with faults; numbers, lines, finishes: of those without, each one's number among all surfaces, its
+    line, and the index of its finish.
     """
 
     words: str
     most: int
 
-    def __init__(self, checks: Checks, transforms: dict[int, Numbers]) -> None:
-        self.checks, self.transforms = checks, transforms
-        self.pending: list[tuple[etree._Element, int]] = []
-        self.count = 0
-        self._finishes: list[Numbers] = [np.empty((0, FINISHED))]
-
-    def read_pending(self) -> None:
-        """Reads the pending elements. Raises FatalError if there are too many."""
-        pending, self.pending = self.pending, []
-        if len(pending) > self.most - self.count:
-            line = self.checks.document.line_of(pending[self.most - self.count][0])
-            raise FatalError(line, f"surfaces: must be at most {self.most} {self.words}")
-        self.count += len(pending)
-        elements, finishes = self._read(pending)
-        self._finishes.append(finishes)
-        self.checks.doubt_colors(elements, finishes[:, :3])
-        self.checks.doubt_shares(elements, finishes)
+    def __init__(self, file: ElementReader) -> None:
+        self.file, self.count = file, 0
+        self.numbers, self.lines, self.finishes = array("i"), array("i"), array("i")
 
     @abstractmethod
-    def _read(self, pending: Pending) -> tuple[list[etree._Element], Numbers]:
-        """Reads elements. Returns those that can be used, and their finishes, (n, 11)."""
+    def read(self, element: Element, steps: Steps) -> bool:
+        """Reads an element with these steps of a transform, and returns whether it can be used."""
 
-    def _steps(self, values: Values, number: int) -> Steps:
-        """The steps of the transform of the surface with this number."""
-        steps: Steps = values.get("transform", {}).get("steps", [])
-        if steps and len(self.transforms) < MAX_TRANSFORMS:
-            self.transforms[number] = np.array([to_world([step]) for step in steps])
-        return steps
-
-    @property
-    def finishes(self) -> Numbers:
-        """(n, 11), a finish for each surface."""
-        return np.concatenate(self._finishes)
-
-    @abstractmethod
-    def fields(self, materials: NDArray[np.integer[Any]]) -> dict[str, Any]:
-        """The fields of Scene that they are. materials: (n,), the index of that of each surface."""
+    def check(self) -> None:  # noqa: B027 (most have been checked by then)
+        """Tells of faults that are looked for once all surfaces have been read."""
 
     def doubt_reach(self, view: Camera) -> None:  # noqa: B027 (most hold at any distance)
         """Warns of what reaches so far, for where the camera looks, that its colours may not hold."""
 
+    @abstractmethod
+    def fields(self, materials: Indices) -> dict[str, Any]:
+        """The fields of Scene that they are. materials: (n,), the index of that of each surface."""
 
-def _read_one_by_one(
-    pending: Pending, read: Callable[[etree._Element, int], list[float] | None]
-) -> tuple[list[etree._Element], Numbers]:
-    """What ShapeReader._read() returns. read: returns the finish of a surface, None where it cannot be used."""
-    found = [(element, read(element, number)) for element, number in pending]
-    finishes = [finish for _, finish in found if finish]
-    return [element for element, finish in found if finish], np.array(finishes).reshape(-1, FINISHED)
+    def doubt_size(self, element: Element, *sizes: float) -> None:
+        """Warns of a surface with radii or scales that are none for colours."""
+        for size in sizes:
+            if not 1 / MAX_SIZE <= size <= MAX_SIZE:
+                words = f"a radius or scale of {size:.2g} may spoil colours, which hold within"
+                message = f"{element.tag}: {words} {1 / MAX_SIZE:.2g}..{MAX_SIZE:.2g}"
+                self.file.warnings.add(element.line, message)
+                return
 
 
 class SphereReader(ShapeReader):
@@ -122,105 +92,93 @@ class SphereReader(ShapeReader):
 
     words, most = "spheres", MAX_SPHERES
 
-    def __init__(self, checks: Checks, transforms: dict[int, Numbers]) -> None:
-        super().__init__(checks, transforms)
-        self._rows: list[Numbers] = [np.empty((0, ROW))]
-        self._maps: dict[bytes, int] = {}  # of the ellipsoids, each once -> its index
-        self._ellipsoids: list[Numbers] = []  # center, thickness, and line, 0 if that is not known
+    def __init__(self, file: ElementReader) -> None:
+        super().__init__(file)
+        self._rows = array("d")  # centre, radius, and the index of an ellipsoid or -1
+        self._maps = array("d")  # of each ellipsoid, its linear map to the world, and the inverse
+        self._bent = array("i")  # which of the spheres they are
 
-    def _read(self, pending: Pending) -> tuple[list[etree._Element], Numbers]:
-        spheres = [element for element, _ in pending]
-        good, rows = bulk(spheres)
-        maps: dict[int, Maps] = {}
-        for i in np.flatnonzero(~good).tolist():
-            rows[i], ellipsoid = self._sphere(*pending[i])
-            if ellipsoid:
-                maps[i] = ellipsoid
+    def read(self, element: Element, steps: Steps) -> bool:
+        if not element.whole:
+            return False
+        radius, center, maps = element["radius"], element["position"].numbers, None
+        if steps:
+            turns = "material_textured" in element
+            center, radius, maps = transformed(center, radius, steps, turns)
+            for name, rule, size in zip(("radius", *"xyz"), (POSITIVE, ANY, ANY, ANY), (radius, *center), strict=True):
+                if fault := rule.fault(size):
+                    self.file.fault(element, f"after the transform {name} {fault}")
         if maps:
-            self._take_maps(spheres, rows, maps)
-        self.checks.doubt_sizes(spheres, rows[:, 0], rows[:, 0])
-        self._rows.append(rows)
-        return spheres, rows[:, FINISH]
+            to_world, to_object = ([number for row in rows for number in row] for rows in maps)
+            self.doubt_size(element, max(map(abs, to_world)), 1 / (max(map(abs, to_object)) or math.nan))
+            self._maps.extend([*to_world, *to_object])
+            self._bent.append(len(self.lines))
+        self.doubt_size(element, radius)
+        self._rows.extend((*center, radius, len(self._bent) - 1 if maps else -1))
+        return True
 
-    def _sphere(self, element: etree._Element, number: int) -> tuple[Sequence[float], Maps | None]:
-        """The row of a sphere with its transform folded in, and the maps of an ellipsoid; NaN if it has a fault."""
-        values, finish = self.checks.surface(element)
-        if finish is None:
-            return [math.nan] * ROW, None
-        steps, turns = self._steps(values, number), "material_textured" in values
-        center, radius, maps = transformed(vector_of(values["position"]), values["radius"], steps, turns)
-        for name, rule, size in zip(("radius", *"xyz"), (POSITIVE, ANY, ANY, ANY), (radius, *center), strict=True):
-            if fault := rule.fault(size):
-                self.checks.fault(element, f"sphere: after the transform {name} {fault}")
-        return [radius, *center, *finish, -1], maps
+    def _ellipsoids(self) -> tuple[Numbers, Numbers, Numbers]:
+        """Their rows, (n, 5), and their maps to the world and back, (n, 3, 3)."""
+        maps = np.array(self._maps).reshape(-1, 2, 3, 3)
+        return np.array(self._rows).reshape(-1, 5)[np.array(self._bent)], maps[:, 0], maps[:, 1]
 
-    def _take_maps(self, spheres: Sequence[etree._Element], rows: Numbers, maps: dict[int, Maps]) -> None:
-        """Gives rows of spheres, those of `maps`, the indices of their maps from the world; equal ones are one."""
-        which, (to_world, to_object) = list(maps), np.array(list(maps.values())).swapaxes(0, 1)
-        with np.errstate(divide="ignore"):  # which is a fault below
-            largest, least = np.abs(to_world).max(axis=(1, 2)), 1 / np.abs(to_object).max(axis=(1, 2))
-        self.checks.doubt_sizes([spheres[i] for i in which], largest, least)
-        lines = [self.checks.document.line_if_known(spheres[i]) for i in which]
-        self._ellipsoids.append(np.column_stack([rows[which, 1:4], rows[which, 0] * least, lines]))
-        faults = dict(inverse_faults(to_world, to_object))
+    def check(self) -> None:
+        rows, to_world, to_object = self._ellipsoids()
+        faults = {k: f"sphere transform: {fault}" for k, fault in inverse_faults(to_world, to_object)}
+        rest = [k for k in range(len(rows)) if k not in faults]
+        for k, fault in extent_faults(rows[rest, 3], reaches(to_object[rest])):
+            faults[rest[k]] = f"sphere: after the transform {fault}"
         for k, fault in faults.items():
-            self.checks.fault(spheres[which[k]], f"sphere transform: {fault}")
-        rest = [k for k in range(len(which)) if k not in faults]
-        for k, fault in extent_faults(rows[which, 0][rest], reaches(to_object[rest])):
-            self.checks.fault(spheres[which[rest[k]]], f"sphere: after the transform {fault}")
-        rows[which, -1] = [self._maps.setdefault(matrix.tobytes(), len(self._maps)) for matrix in to_object]
+            self.file.faults.add(self.lines[self._bent[k]], fault)
 
     def doubt_reach(self, view: Camera) -> None:
-        for part in self._ellipsoids:
-            times = np.sqrt(((part[:, :3] - view.position) ** 2).sum(axis=1)) / part[:, 3]
-            for i in np.flatnonzero(times > MAX_DISTANCE).tolist():
-                line = int(part[i, 4])
-                if not line:
-                    raise LinesNeededError
-                words = f"sphere: is {times[i]:.2g} times as far from the eye as its transform makes it thick"
-                self.checks.warnings.add(line, f"{words}, which may spoil colours, which hold within {MAX_DISTANCE:g}")
+        rows, _, to_object = self._ellipsoids()
+        thickness = rows[:, 3] / np.abs(to_object).max(axis=(1, 2))
+        times = np.sqrt(((rows[:, :3] - view.position) ** 2).sum(axis=1)) / thickness
+        for k in np.flatnonzero(times > MAX_DISTANCE).tolist():
+            words = f"sphere: is {times[k]:.2g} times as far from the eye as its transform makes it thick"
+            message = f"{words}, which may spoil colours, which hold within {MAX_DISTANCE:g}"
+            self.file.warnings.add(self.lines[self._bent[k]], message)
 
-    def fields(self, materials: NDArray[np.integer[Any]]) -> dict[str, Any]:
-        rows = np.concatenate(self._rows)
+    def fields(self, materials: Indices) -> dict[str, Any]:
+        _, _, to_object = self._ellipsoids()
+        maps, index = unique_rows(to_object.reshape(-1, 9))
+        rows = np.array(self._rows).reshape(-1, 5)
         spheres = np.empty(len(rows), SPHERE)
-        spheres["radius"], spheres["center"] = rows[:, 0], rows[:, 1:4]
-        spheres["material"], spheres["to_object"] = materials, rows[:, -1]
-        return {"spheres": spheres, "to_object": np.frombuffer(b"".join(self._maps)).reshape(-1, 3, 3)}
+        spheres["center"], spheres["radius"] = rows[:, :3], rows[:, 3]
+        spheres["material"], spheres["to_object"] = materials, -1
+        spheres["to_object"][np.array(self._bent)] = index
+        return {"spheres": spheres, "to_object": maps.reshape(-1, 3, 3)}
 
 
 class CylinderReader(ShapeReader):
-    """Cylinders, each a record without its material."""
+    """Cylinders."""
 
     words, most = "cylinders", MAX_CYLINDERS
 
-    def __init__(self, checks: Checks, transforms: dict[int, Numbers]) -> None:
-        super().__init__(checks, transforms)
-        self._found: list[tuple[Any, ...]] = []
+    def __init__(self, file: ElementReader) -> None:
+        super().__init__(file)
+        self._rows = array("d")  # start, end, radius
 
-    def _read(self, pending: Pending) -> tuple[list[etree._Element], Numbers]:
-        return _read_one_by_one(pending, self._cylinder)
+    def read(self, element: Element, steps: Steps) -> bool:
+        if element.whole:
+            self.doubt_size(element, element["radius"])
+            self._rows.extend((*element["start"].numbers, *element["end"].numbers, element["radius"]))
+        return element.whole
 
-    def _cylinder(self, element: etree._Element, number: int) -> list[float] | None:
-        values, finish = self.checks.surface(element)
-        if finish is not None:
-            radius = np.array([values["radius"]])
-            self.checks.doubt_sizes([element], radius, radius)
-            self._found.append((vector_of(values["start"]), vector_of(values["end"]), radius[0], 0, number, 0))
-        return finish
-
-    def fields(self, materials: NDArray[np.integer[Any]]) -> dict[str, Any]:
-        found = np.array(self._found, CYLINDER)
-        found["material"] = materials
-        return {"cylinders": found}
+    def fields(self, materials: Indices) -> dict[str, Any]:
+        rows = np.array(self._rows).reshape(-1, 7)
+        cylinders = np.zeros(len(rows), CYLINDER)
+        cylinders["start"], cylinders["end"], cylinders["radius"] = rows[:, :3], rows[:, 3:6], rows[:, 6]
+        cylinders["material"], cylinders["number"] = materials, self.numbers
+        return {"cylinders": cylinders}
 
 
 class _Mesh(NamedTuple):
-    """A mesh as the file has it: its line, which of the named files it is, its place, number, and texture."""
+    """A mesh as the file has it: which of the named files it is, its place, and whether it has a texture."""
 
-    line: int
     file: int
     to_world: Numbers
-    number: int
     textured: bool
 
 
@@ -232,42 +190,35 @@ class MeshReader(ShapeReader):
 
     words, most = "meshes", MAX_MESHES
 
-    def __init__(self, checks: Checks, transforms: dict[int, Numbers], instances: int) -> None:
-        super().__init__(checks, transforms)
+    def __init__(self, file: ElementReader, instances: int) -> None:
+        super().__init__(file)
         self._instances = instances
         self._meshes: list[_Mesh] = []
         self._placed: list[PlacedMesh] = []
 
-    def _read(self, pending: Pending) -> tuple[list[etree._Element], Numbers]:
-        return _read_one_by_one(pending, self._mesh)
-
-    def _mesh(self, element: etree._Element, number: int) -> list[float] | None:
-        checks = self.checks
-        values, finish = checks.surface(element)
-        line = checks.document.line_of(element)
-        file = checks.files.meshes.add(values["name"], line) if "name" in values else -1
-        steps = self._steps(values, number)
+    def read(self, element: Element, steps: Steps) -> bool:
+        name = self.file.files.meshes.add(element["name"], element.line) if "name" in element else -1
         place = np.array(to_world(steps))
         extreme = place[~ANY.admits(place)].tolist()
         faults = [f"a number of its matrix {ANY.fault(extreme[0])}"] if extreme else [*place_faults(place)]
         if faults:
-            checks.fault(element, f"mesh transform: {faults[0]}")
-            return None
+            self.file.faults.add(element.line, f"mesh transform: {faults[0]}")
+            return False
         if steps:
             sizes = np.linalg.norm(place[:, :3], axis=0)
-            checks.doubt_sizes([element], sizes.max(keepdims=True), sizes.min(keepdims=True))
-        if finish is not None:
-            self._meshes.append(_Mesh(line, file=file, to_world=place, number=number, textured=finish[-1] >= 0))
-        return finish
+            self.doubt_size(element, float(sizes.max()), float(sizes.min()))
+        if element.whole:
+            self._meshes.append(_Mesh(name, place, "material_textured" in element))
+        return element.whole
 
-    def place(self) -> None:
-        """Reads the files and places their meshes in the world; complains about those that are not right there."""
-        faults, files = self.checks.faults, self.checks.files.meshes
-        self.checks.files.read_meshes(faults)
+    def check(self) -> None:
+        """Reads the files and places their meshes in the world; tells of those that are not right there."""
+        faults, files = self.file.faults, self.file.files.meshes
+        self.file.files.read_meshes(faults)
         contents = [obj.geometry for obj in files.found.values()]
         triangles = vertices = again = 0
         seen = set[int]()
-        for mesh in self._meshes:
+        for mesh, number, line in zip(self._meshes, self.numbers, self.lines, strict=True):
             file = files.index[mesh.file]
             if file is None:
                 continue
@@ -275,115 +226,77 @@ class MeshReader(ShapeReader):
             triangles, vertices = triangles + len(geometry.faces), vertices + len(geometry.vertices)
             if triangles > MAX_TRIANGLES or vertices > MAX_VERTICES:
                 most = f"{MAX_TRIANGLES} triangles and {MAX_VERTICES} vertices"
-                faults.add(mesh.line, f"surfaces: must be at most {most} of meshes")
+                faults.add(line, f"surfaces: must be at most {most} of meshes")
                 break
             again += len(geometry.faces) if file in seen else 0
             seen.add(file)
             if again > self._instances:
                 most = f"at most {self._instances} triangles of files that are named again"
-                faults.add(mesh.line, f"surfaces: must have {most}{hint('instances')}")
+                faults.add(line, f"surfaces: must have {most}{hint('instances')}")
                 break
             try:
-                self._placed.append(PlacedMesh(geometry, mesh.to_world, 0, mesh.number))
+                self._placed.append(PlacedMesh(geometry, mesh.to_world, 0, number))
             except ValueError as error:
-                faults.add(mesh.line, f"mesh: after the transform {str(error).partition('in the world, ')[2]}")
+                faults.add(line, f"mesh: after the transform {str(error).partition('in the world, ')[2]}")
 
     def doubt_reach(self, view: Camera) -> None:
         most = MAX_REACH * math.dist(view.position, view.lookat)
-        for mesh, placed in zip(self._meshes, self._placed, strict=True):
+        for line, placed in zip(self.lines, self._placed, strict=True):
             reach = float(np.abs(placed.vertices - view.position).max(initial=0))
             if reach > most:
                 words = f"mesh: reaches {reach:.2g} from the eye, which may spoil colours, which hold within {most:.2g}"
-                self.checks.warnings.add(mesh.line, f"{words}: {MAX_REACH:g} times as far as the camera looks")
+                self.file.warnings.add(line, f"{words}: {MAX_REACH:g} times as far as the camera looks")
 
     def files(self) -> dict[int, MeshFile]:
         """The file of each mesh, by the mesh's number."""
-        files = self.checks.files.meshes
+        files = self.file.files.meshes
         contents = [MeshFile(name, obj.lines) for name, obj in files.found.items()]
-        index = ((mesh.number, files.index[mesh.file]) for mesh in self._meshes)
+        index = ((number, files.index[mesh.file]) for number, mesh in zip(self.numbers, self._meshes, strict=True))
         return {number: contents[k] for number, k in index if k is not None}
 
     def triangles(self) -> tuple[int, int]:
         """How many there are, and how many of them the files hold."""
-        files = self.checks.files.meshes.found.values()
+        files = self.file.files.meshes.found.values()
         return sum(len(mesh.geometry.faces) for mesh in self._placed), sum(len(obj.geometry.faces) for obj in files)
 
     def notes(self) -> Iterator[str]:
         """The warnings of their files."""
-        files = self.checks.files
+        files = self.file.files
         textured = {files.meshes.index[mesh.file] for mesh in self._meshes if mesh.textured}
         for i, (name, obj) in enumerate(files.meshes.found.items()):
             for warning in sorted([*obj.warnings, *(obj.unmapped if i in textured else [])]):
                 yield located(files.shown(name), warning.line, warning.message)
 
-    def fields(self, materials: NDArray[np.integer[Any]]) -> dict[str, Any]:
+    def fields(self, materials: Indices) -> dict[str, Any]:
         return {"meshes": [mesh.of(int(k), mesh.number) for mesh, k in zip(self._placed, materials, strict=True)]}
 
 
-# Spheres that are laid out as usual
-
-
-def _layout(tag: str) -> str:
-    """The pattern of an element as libxml2 writes it, laid out as in the format's listing; a group for each number."""
-    schema = ELEMENTS[tag]
-    start = tag + "".join(rf' {name}="({NUMBER})"' for name in schema.attributes)
-    children = "".join(_layout(slot.split("|")[0]) + r"\s*" for slot in schema.children)
-    return rf"<{start}>\s*{children}</{tag}>" if children else f"<{start}/>"
-
-
-def _rules(tag: str) -> Iterator[Any]:
-    """The rule of each number of that pattern, in the same order."""
-    schema = ELEMENTS[tag]
-    yield from schema.attributes.values()
-    for slot in schema.children:
-        yield from _rules(slot.split("|")[0])
-
-
-_STANDARD = re.compile(_layout("sphere").encode())
-_COLUMNS = [*_rules("sphere")]
-_T, _INDEX = 12, 13  # the columns of the transmittance and the index of refraction
-
-
-def bulk(spheres: Sequence[etree._Element]) -> tuple[NDArray[np.bool_], Numbers]:
-    """Which spheres are laid out as usual and free of faults, (n,), and their rows, (n, 16); NaN for the others."""
-    found = [_STANDARD.fullmatch(etree.tostring(sphere, with_tail=False)) for sphere in spheres]
-    usual = [i for i, match in enumerate(found) if match]
-    written = [text for match in found if match for text in match.groups()]
-    values = np.array(list(map(float, written))).reshape(len(usual), len(_COLUMNS))
-    ok = np.ones(len(usual), np.bool_)
-    for column, rule in enumerate(_COLUMNS):
-        ok &= rule.admits(values[:, column])
-    ok &= (values[:, _T] == 0) | (values[:, _INDEX] > 0)
-    # A number that reads as 0 but is not written so may have underflowed.
-    ok[[i // len(_COLUMNS) for i in np.flatnonzero(values == 0).tolist() if written[i].strip(b"+-0.")]] = False
-    good = np.zeros(len(spheres), np.bool_)
-    good[usual] = ok
-    rows = np.full((len(spheres), ROW), np.nan)
-    rows[good, :-2], rows[good, -2:] = values[ok], -1
-    return good, rows
-
-
-def packed_materials(finishes: Numbers) -> tuple[NDArray[np.void], NDArray[np.int32]]:
-    """(m,) MATERIAL records and the index of that of each finish, (n, 11).
-
-    Equal materials are one record, in the order of their first use. Where nothing is let through, any index of
-    refraction is as good as another: there it is 1.
-    """
-    shades = np.ascontiguousarray(finishes) + 0.0  # makes -0 a 0, as they are compared as bytes
-    shades[shades[:, 8] == 0, 9] = 1
-    _, first, of_finish = np.unique(
-        shades.view(f"V{shades.itemsize * shades.shape[1]}"), return_index=True, return_inverse=True
-    )
+def unique_rows(rows: Numbers) -> tuple[Numbers, Indices]:
+    """Equal rows of (n, k) once, in the order of their first use, and the index of each one's, (n,)."""
+    rows = np.ascontiguousarray(rows) + 0.0  # makes -0 a 0, as they are compared as bytes
+    whole = rows.view(f"V{rows.itemsize * rows.shape[1]}")
+    _, first, of_row = np.unique(whole, return_index=True, return_inverse=True)
     order = np.argsort(first)
     rank = np.empty(len(order), np.int32)
     rank[order] = np.arange(len(order))
-    materials = np.empty(len(order), MATERIAL)
-    shades = shades[first[order]]
+    return rows[first[order]], rank[of_row.ravel()]
+
+
+def packed_materials(finishes: Numbers) -> tuple[NDArray[np.void], Indices]:
+    """(m,) MATERIAL records and the index of that of each finish, (n, 11), in the order of their first use.
+
+    A finish is the colour, the Phong coefficients, reflectance, transmittance, index of refraction, and the number of
+    the texture, -1 for none. Where nothing is let through, any index of refraction is as good as another: there it
+    becomes 1.
+    """
+    finishes[finishes[:, 8] == 0, 9] = 1
+    shades, of_finish = unique_rows(finishes)
+    materials = np.empty(len(shades), MATERIAL)
     materials["color"] = shades[:, :3]
     names = ("ka", "kd", "ks", "exponent", "reflectance", "transmittance", "index", "texture")
     for column, name in enumerate(names, 3):
         materials[name] = shades[:, column]
-    return materials, rank[of_finish.ravel()]
+    return materials, of_finish
 
 
 # Transforms
@@ -395,7 +308,7 @@ _PLANE = {"rotateX": (1, 2), "rotateY": (2, 0), "rotateZ": (0, 1)}
 
 def transformed(
     center: Vector, radius: float, steps: Steps, turns: bool = False
-) -> tuple[list[float], float, Maps | None]:
+) -> tuple[list[float], float, tuple[Rows, Rows] | None]:
     """Centre and radius in the world, in scene units, after the steps, of which the last listed acts first.
 
     Of an ellipsoid, the radius is the one before the steps, and the third are its linear map to the world and that from
@@ -407,15 +320,15 @@ def transformed(
     """
     p = list(center)
     alike, scaled = True, radius
-    for element, step in reversed(steps):
-        if element.tag == "translate":
-            p = [a + b for a, b in zip(p, step.values(), strict=True)]
-        elif element.tag == "scale":
-            p = [a * b for a, b in zip(p, step.values(), strict=True)]
+    for step in reversed(steps):
+        if step.tag == "translate":
+            p = [a + b for a, b in zip(p, step.numbers, strict=True)]
+        elif step.tag == "scale":
+            p = [a * b for a, b in zip(p, step.numbers, strict=True)]
             scaled *= abs(step["x"])
             alike &= abs(step["x"]) == abs(step["y"]) == abs(step["z"])
         else:
-            i, j, cos, sin = _turn(element.tag, step["theta"])
+            i, j, cos, sin = _turn(step.tag, step["theta"])
             p[i], p[j] = cos * p[i] - sin * p[j], sin * p[i] + cos * p[j]
     if alike and not turns:
         return p, scaled, None
@@ -442,11 +355,11 @@ def _upright(rows: Rows) -> bool:
 def _product(steps: Steps, inverse: bool = False) -> list[list[float]]:
     """The rows of the steps' linear parts, multiplied; or of their inverses', transposed: a rotation's is itself."""
     rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-    for element, step in reversed(steps):
-        if element.tag == "scale":
-            rows = [[a / s if inverse else a * s for a in row] for row, s in zip(rows, step.values(), strict=True)]
-        elif element.tag != "translate":
-            i, j, cos, sin = _turn(element.tag, step["theta"])
+    for step in reversed(steps):
+        if step.tag == "scale":
+            rows = [[a / s if inverse else a * s for a in row] for row, s in zip(rows, step.numbers, strict=True)]
+        elif step.tag != "translate":
+            i, j, cos, sin = _turn(step.tag, step["theta"])
             pairs = list(zip(rows[i], rows[j], strict=True))
             rows[i], rows[j] = [cos * a - sin * b for a, b in pairs], [sin * a + cos * b for a, b in pairs]
     return [[a + 0.0 for a in row] for row in rows]  # makes -0 a 0

@@ -62,6 +62,8 @@ class Rule:
 
     def fault(self, value: float) -> str | None:
         """What is wrong with one value, in words that belong behind its name; None if nothing is."""
+        if self.admits(value):
+            return None
         if not math.isfinite(value):
             return f"must be a finite number, got {value:g}"
         if abs(value) > LARGEST:
@@ -69,9 +71,7 @@ class Rule:
         if value != 0 and abs(value) < SMALLEST:
             zero = "" if self.open_low and self.low == 0 else "0 or "
             return f"must be {zero}at least 1.4e-45 in magnitude, got {value:g}"
-        if not self.admits(value):
-            return f"must be {self.text}, got {value:g}"
-        return None
+        return f"must be {self.text}, got {value:g}"
 
 
 ANY = Rule("a finite number")

@@ -66,7 +66,7 @@ class MeshFile(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """The file of a scene, and the lines of what it holds: 1 is the first, 0 is one that is not known.
+    """The file of a scene, and the lines of what it holds: 1 is the first.
 
     path: the file's name, as it was given; view: the camera of the file; camera: the line of <camera>; lights: (n,)
     int32, of each light; surfaces: (m,) int32, of each surface, by its number; meshes: the files of the meshes, by the
@@ -84,11 +84,6 @@ class Source:
     textures: tuple[str, ...] = ()
     transforms: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
     files: tuple[Path, ...] = ()
-
-    @property
-    def knows_all_lines(self) -> bool:
-        """Whether no line is 0."""
-        return self.camera > 0 and bool(self.lights.all()) and bool(self.surfaces.all())
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)

@@ -36,7 +36,7 @@ def test_more_lights_than_usual(tmp_path: Path) -> None:
     )
     assert call(tmp_path, "--limit", "lights=1102", "--size", "8x8") == (0, "")
     assert call(tmp_path, "--limit=lights=1101", "--size", "8x8")[0] == 2
-    assert call(tmp_path, "--size", "8x8", CLTRACE_LIMITS="parts=9000 lights=1102") == (0, "")
+    assert call(tmp_path, "--size", "8x8", CLTRACE_LIMITS="steps=9000 lights=1102") == (0, "")
     # The option counts where both say something.
     assert call(tmp_path, "--limit", "lights=3", CLTRACE_LIMITS="lights=1102")[0] == 2
 
@@ -90,11 +90,11 @@ def test_what_is_no_limit(text: str, words: str, capsys: pytest.CaptureFixture[s
 
 def test_one_fault_in_the_environment_leaves_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
     """In whatever order they are; and it is said of all that are wrong."""
-    for name in ("MAX_LIGHTS", "MAX_PARTS"):
+    for name in ("MAX_LIGHTS", "MAX_STEPS"):
         monkeypatch.setattr(limits, name, getattr(limits, name))
     with pytest.raises(ValueError, match=r"^must be NAME=VALUE, .* got 'ligths=9'; rays must be .*, got 'x'$"):
-        limits.change(["lights=5", "ligths=9", "rays=x", "parts=6"])
-    assert (limits.current("lights"), limits.current("parts")) == (5, 6)
+        limits.change(["lights=5", "ligths=9", "rays=x", "steps=6"])
+    assert (limits.current("lights"), limits.current("steps")) == (5, 6)
 
 
 def test_hints(monkeypatch: pytest.MonkeyPatch) -> None:

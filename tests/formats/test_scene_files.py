@@ -100,9 +100,9 @@ def test_everything_arrives() -> None:
     assert [len(m.geometry.faces) for m in scene.meshes] == [1, 2]
     assert [m.number for m in scene.meshes] == [0, 2]
     assert scene.sphere_numbers.tolist() == [1, 3, 4]
-    assert scene.spheres["material"].tolist() == [0, 1, 0]
-    assert [m.material for m in scene.meshes] == [0, 2]
-    assert scene.materials["texture"].tolist() == [-1, 1, 0]
+    assert scene.spheres["material"].tolist() == [0, 2, 0]
+    assert [m.material for m in scene.meshes] == [0, 1]
+    assert scene.materials["texture"].tolist() == [-1, 0, 1]
     assert scene.materials["color"].tolist() == [[1, 0.5, 0], [1, 1, 1], [1, 1, 1]]
     assert scene.materials["reflectance"].tolist() == [0.5] * 3
     assert all(np.array_equal(texture, PIXELS) for texture in scene.textures)
