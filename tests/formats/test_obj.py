@@ -1,9 +1,10 @@
-"""OBJ files: what the reader makes of valid ones, and every message by its exact text."""
+"""OBJ files: what the reader makes of valid ones, every message by its exact text, and files from strangers."""
 
 from __future__ import annotations
 
 import os
 import random
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -35,11 +36,6 @@ f 2/1/2 3/2/2 4/2/1
 
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
-
-
-@pytest.fixture(autouse=True)
-def _in_its_own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 def read_text(text: str | bytes) -> Obj:
@@ -240,11 +236,8 @@ def some_lines(rng: random.Random) -> list[str]:
         elif all(count.values()):
             form, corners = rng.choice(forms), []
             for _ in range(rng.choice(sizes)):
-                corner = form
-                for letter, key in (("v", "v"), ("t", "vt"), ("n", "vn")):
-                    index = rng.choice([1, -1]) * rng.randrange(1, count[key] + 1)
-                    corner = corner.replace(letter, str(index))
-                corners.append(corner)
+                v, t, n = (str(rng.choice([1, -1]) * rng.randrange(1, many + 1)) for many in count.values())
+                corners.append(form.replace("v", v).replace("t", t).replace("n", n))
             lines.append(" ".join(["f", *corners]))
     return [*lines, "v 0 0 0", "f -1 -1 -1"]
 
@@ -273,34 +266,24 @@ def test_lines_of_all_kinds_in_any_order(block: int, monkeypatch: pytest.MonkeyP
         rng = random.Random(seed)
         lines = some_lines(rng)
         shape = read_text(rng.choice(["\n", "\r\n", " \\\n\n", "#\n"]).join(lines)).geometry
-        vertices, uv, normals, triangles = read_plainly(lines)
-        assert shape.vertices.tolist() == vertices, seed
-        assert shape.uv.tolist() == uv, seed
-        assert shape.normals.tolist() == normals, seed
-        corners = np.array(triangles)
+        *rows, triangles = read_plainly(lines)
+        assert [shape.vertices.tolist(), shape.uv.tolist(), shape.normals.tolist()] == rows, seed
         for k, found in enumerate((shape.faces, shape.uv_of, shape.normal_of)):
-            assert np.array_equal(found, corners[:, :, k]), seed
-
-
-ALPHABET = "0123456789" * 2 + "+-..eE/ \t"
-
-
-def junk(rng: random.Random) -> str:
-    letters = "".join(rng.choice(ALPHABET) for _ in range(rng.randrange(1, 6)))
-    return rng.choice([letters, str(rng.randrange(1, 4)), "-1", "1/1", "1//1", f"{rng.uniform(-2, 2):g}", "1e-3"])
+            assert np.array_equal(found, np.array(triangles)[:, :, k]), seed
 
 
 @pytest.mark.slow
 def test_lines_together_and_alone_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also of words that are almost numbers, of which neither may take one that the other refuses."""
-    parts = obj._parts
-    right = 0
+    parts, right = obj._parts, 0
     for seed in range(3000 * FACTOR):
         rng = random.Random(seed)
         lines = [TRIANGLE + "vt 0 0\nvn 0 0 1\nf 1 2 3"]
         for _ in range(rng.randrange(1, 4)):
             kind, width = rng.choice(["v", "vt", "vn", "f", "f"]), rng.choice([3, 3, 3, 2, 4])
-            lines.append(" ".join([kind, *(junk(rng) for _ in range(width))]))
+            junk = ("".join(rng.choices("0123456789" * 2 + "+-..eE/ \t", k=rng.randrange(1, 6))) for _ in range(width))
+            words = [rng.choice([text, str(rng.randrange(1, 4)), "-1", "1/1", "1//1", "1e-3"]) for text in junk]
+            lines.append(" ".join([kind, *words]))
         found = []
         for way in (parts, each_alone):
             monkeypatch.setattr(obj, "_parts", way)
@@ -384,43 +367,22 @@ def test_faces_without_texture_coordinates() -> None:
 
 # --- Faults
 
-NUMBER_FAULTS = [
-    ("abc", "must be a number, got 'abc'"),
-    ("1,5", "must be a number, got '1,5'"),
-    ("1_000", "must be a number, got '1_000'"),
-    ("1e1_0", "must be a number, got '1e1_0'"),
-    ("0x10", "must be a number, got '0x10'"),
-    ("1e", "must be a number, got '1e'"),
-    ("-e1", "must be a number, got '-e1'"),
-    ("-.e1", "must be a number, got '-.e1'"),
-    ("1e+", "must be a number, got '1e+'"),
-    ("1e.5", "must be a number, got '1e.5'"),
-    ("e1", "must be a number, got 'e1'"),
-    ("1e5e5", "must be a number, got '1e5e5'"),
-    ("1e5.", "must be a number, got '1e5.'"),
-    ("1.2.3", "must be a number, got '1.2.3'"),
-    (".", "must be a number, got '.'"),
-    ("-", "must be a number, got '-'"),
-    ("--1", "must be a number, got '--1'"),
-    ("1\u00a0", "must be a number, got '1\\xa0'"),
-    ("\u0663", "must be a number, got '\u0663'"),
-    ("1" * 200 + "x", f"must be a number, got '{'1' * 37}...'"),
-    ("1\\x", "must be a number, got '1\\\\x'"),
-    ("1-2", "must be a number, got '1-2'"),
-    (".-2", "must be a number, got '.-2'"),
-    ("+", "must be a number, got '+'"),
-    ("nan", "must be a finite number, got nan"),
-    ("-Inf", "must be a finite number, got -Inf"),
-    ("1e999", "must be a finite number, got 1e999"),
-    ("1e39", "must not exceed 3.4e38 in magnitude, got 1e39"),
-    ("9" * 60, f"must not exceed 3.4e38 in magnitude, got {'9' * 37}..."),
-    ("1e-46", "must be 0 or at least 1.4e-45 in magnitude, got 1e-46"),
-    ("-1e-400", "must be 0 or at least 1.4e-45 in magnitude, got -1e-400"),
-    ("0." + "0" * 400 + "1", f"must be 0 or at least 1.4e-45 in magnitude, got 0.{'0' * 35}..."),
-]
+NO_NUMBERS = (
+    "abc 1,5 1_000 1e1_0 0x10 1e -e1 -.e1 1e+ 1e.5 e1 1e5e5 1e5. 1.2.3 . - --1 1\u00a0 \u0663 1\\x 1-2 .-2 + 1d5 1f 3j "
+    "1/2 '1' \u2212 1\u20122 true"
+)
+NUMBER_FAULTS = {
+    **{text: f"must be a number, got {text!r}" for text in NO_NUMBERS.split(" ")},
+    "1" * 200 + "x": f"must be a number, got '{'1' * 37}...'",
+    **{text: f"must be a finite number, got {text}" for text in ("nan", "-Inf", "1e999")},
+    "1e39": "must not exceed 3.4e38 in magnitude, got 1e39",
+    "9" * 60: f"must not exceed 3.4e38 in magnitude, got {'9' * 37}...",
+    **{text: f"must be 0 or at least 1.4e-45 in magnitude, got {text}" for text in ("1e-46", "-1e-400")},
+    "0." + "0" * 400 + "1": f"must be 0 or at least 1.4e-45 in magnitude, got 0.{'0' * 35}...",
+}
 
 
-@pytest.mark.parametrize(("written", "fault"), NUMBER_FAULTS)
+@pytest.mark.parametrize(("written", "fault"), NUMBER_FAULTS.items())
 def test_numbers(written: str, fault: str) -> None:
     """Of a vertex, among others that are right and with as many words, and of the others."""
     others = "v 1 2 3\n" * 50
@@ -599,3 +561,53 @@ def test_files_that_are_none() -> None:
     ):
         with pytest.raises(UnreadableError, match=f"^{message}$"):
             read_obj(name)
+
+
+# --- Files from strangers
+
+
+def test_comments_and_names_may_be_in_any_encoding() -> None:
+    for text in ("# \xe4\xf6\n".encode("latin-1"), b"o \xff\xfe\x80\n", "g \u732b\n".encode(), b"usemtl \xc3\x28\n"):
+        assert len(geometry_of(text + TRIANGLE.encode() + b"f 1 2 3\n" + text).faces) == 1
+
+
+def test_a_face_of_a_hundred_thousand_corners() -> None:
+    corners = np.arange(100_000) % 3 + 1
+    shape = read_text(TRIANGLE + "f " + " ".join(map(str, corners.tolist())) + "\n").geometry
+    assert shape.faces.shape == (99_998, 3)
+    assert shape.faces[-1].tolist() == [0, int(corners[-2]) - 1, int(corners[-1]) - 1]
+
+
+@pytest.mark.parametrize("line", ["v " + "9" * 2_000_000, "f 1 2 " + "x" * 2_000_000, "f " + "1 " * 400_000 + "9"])
+def test_a_line_of_megabytes_is_not_repeated_in_its_message(line: str) -> None:
+    (fault,) = faults_of(TRIANGLE + line + "\nf 1 2 3\n")
+    assert fault.startswith("4: ")
+    assert len(fault) < 200
+
+
+def test_files_that_claim_to_be_huge() -> None:
+    """Holes on the disk: zeros, with nothing and with something in front of them."""
+    for start, fault in (("", "1: must be text, but has the byte 0x00"), (CUBE_CORNER, "11: must be text, but has")):
+        with Path("x.obj").open("wb") as file:
+            file.write(start.encode())
+            file.truncate(3 * 2**30)
+        with pytest.raises(SceneError, match=f"^x.obj:{fault}"):
+            read_obj("x.obj")
+
+
+def test_many_short_lines_take_little_memory(limited: Any) -> None:
+    parts = "\n" * 5_000_000, "#\n" * 1_000_000, "v 0 0 0\n" * 300_000, "g\n" * 500_000
+    names = [f"{k}.obj" for k in range(len(parts))]
+    for name, text in zip(names, parts, strict=True):
+        Path(name).write_text(text + TRIANGLE + "f -1 -2 -3\n")
+    assert limited("obj", 1500, names) == ["read"] * 4
+
+
+def test_alternating_lines_take_little_time() -> None:
+    """No two lines of a kind in a row; every face has another form; every number needs care."""
+    few = "".join(f"v {k} 0 0\nvt 0 {k}\nvn 0 {k} 1\ng {k}\n#\n" for k in range(1, 60_000))
+    forms = ("{0} 2 3", "{0}/1 2/1 3/1", "{0}//1 2//1 3//1", "-1 -2 -3", "1/1/1 2/2/2 3/3/3 {0}/4/4")
+    faces = "".join("f " + forms[k % 5].format(k) + "\n" for k in range(4, 60_000))
+    start = time.process_time()
+    assert len(read_text(few + faces).geometry.faces) == 59_996 + len(range(8, 60_000, 5)) + (4 % 5 == 4)
+    assert time.process_time() - start < 30

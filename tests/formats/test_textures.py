@@ -23,11 +23,6 @@ GREY = RGB[:, :, 0]
 DEEP = np.array([[0, 1, 255, 256], [4096, 32767, 32768, 65535]], np.uint16)
 
 
-@pytest.fixture(autouse=True)
-def _in_its_own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
 def pixels(path: str = "x.png") -> np.ndarray:
     found, warning = read_texture(path)
     assert warning is None
@@ -265,3 +260,34 @@ def test_memory_that_reading_takes(kind: int, depth: int, size: int) -> None:
         tracemalloc.stop()
     assert found.nbytes == 512 * 2048 * (6 if kind == 0 else 3)
     assert peak < found.nbytes + 2**20
+
+
+def test_bombs(limited: Any) -> None:
+    """A few bytes that claim, or unfold to, gigabytes. What is harmless may be read. One process reads all of them."""
+    text = zlib.compress(bytes(2**27), 9)
+    refused = [
+        png(20_000, 10_000, 8, 2, b""),
+        png(65_535, 65_535, 1, 0, b""),
+        png(2**31 - 1, 2**31 - 1, 8, 6, b""),
+        png(2**32 - 1, 2**32 - 1, 8, 2, b""),
+        png(2**31 - 1, 1, 8, 0, b""),
+        *(png(width, height, 8, 2, b"") for width, height in ((0, 5), (5, 0), (0, 0))),
+        png(20_000, 10_000, 1, 0, bytes(2501 * 10_000)),
+        b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 2**31 - 1) + b"IHDR",
+        b"\xff\xd8\xff\xc0\x00\x11\x08\xff\xdc\xff\xdc\x03\x01\x22\x00\x02\x11\x01\x03\x11\x01",
+        png(5, 5, 7, 2, bytes(80)),
+        png(5, 5, 8, 5, bytes(80)),
+    ]
+    harmless = [
+        png(1, 1, 8, 2, bytes(4), chunk(b"zTXt", b"x\0\0" + text)),
+        png(1, 1, 8, 2, bytes(4), *[chunk(b"zTXt", b"x\0\0" + zlib.compress(bytes(2**20 - 1), 9))] * 200),
+        png(1, 1, 8, 2, bytes(4), chunk(b"iCCP", b"x\0\0" + text)),
+        png(5, 5, 8, 3, bytes(30)),
+        png(5, 5, 8, 2, b"\x09" * 80),
+    ]
+    names = [f"{k}.png" for k in range(len(refused + harmless))]
+    for name, data in zip(names, refused + harmless, strict=True):
+        Path(name).write_bytes(data)
+    said = limited("texture", 1000, names)
+    assert all(line.startswith("UnreadableError") for line in said[: len(refused)])
+    assert all(line.startswith(("UnreadableError", "read")) for line in said)
