@@ -15,7 +15,7 @@ import numpy as np
 from hostile.sphere_scenes import AHEAD, Ball, directions, looking
 from stress_cases import channel, picture
 
-from cltrace import Camera, Image, Scene, ambient_light
+from cltrace import Camera, Scene, ambient_light
 from cltrace.run.devices import Device
 
 Row = Sequence[float]
@@ -163,8 +163,3 @@ def passes(center: Row, beams: Beams) -> np.ndarray:
     f = np.asarray(center, np.longdouble) - beams.p
     across = f - (f * beams.d).sum(axis=1)[:, None] * beams.d
     return np.asarray(np.sqrt((across * across).sum(axis=1)))
-
-
-def assert_same(one: Image, two: Image, outputs: Iterable[str], what: object) -> None:
-    for name in outputs:
-        assert np.array_equal(getattr(one, name), getattr(two, name)), (name, what)

@@ -27,9 +27,10 @@ STRESS, BOUNCES = "tests/kernels/test_stress.py", "tests/kernels/test_bounces.py
 LIGHT, HIGHLIGHTS = f"{STRESS} -k 'L1 or L2 or L3 or L4 or L6 or L7 or L9'", f"{STRESS} -k 'P1 or P2 or P3'"
 SAMPLES, CYLINDERS = (
     "tests/kernels/test_samples.py -k exact_rays",
-    "tests/kernels/test_cylinders.py -k hostile_pictures",
+    "tests/kernels/test_exact.py -k cylinders",
 )
-CLIPPED, PRECISION = "tests/kernels/test_clipped_pictures.py", "tests/kernels/test_precision.py"
+EXACT, PRECISION = "tests/kernels/test_exact.py -k 'spheres or bit or touches'", "tests/kernels/test_precision.py"
+CLIPPED = "tests/kernels/test_consistency.py -k clipped"
 CONSISTENT = "tests/kernels/test_consistency.py -k 'agrees_with_the_reference and accurate'"
 MESH_RAYS, LISTS = "tests/rays/test_rays.py -k hostile_meshes", "tests/plan/test_lists.py"
 
@@ -153,16 +154,14 @@ MUTATIONS = {
         """Meeting at = CALL;
         if (HAS(WITH_PARALLEL_RAYS)) at.t = at.from_center.z == 0 ? (REAL)INFINITY : at.t;
         return at;""",
-        "tests/kernels/test_orthographic.py -k touch",
+        "tests/kernels/test_exact.py -k 'touches and parallel'",
     ),
     "doubles decide discriminants near 0": Kernel(
         "decide_quadratic",
         "bb *= (real)0x1p-60f; arr *= (real)0x1p-60f; CALL;",
-        f"tests/kernels/test_exact.py {STRESS}",
+        EXACT,
     ),
-    "pairs of doubles are doubles": Kernel(
-        "two_product", "Pair p = CALL; p.lo = 0; return p;", f"tests/kernels/test_exact.py {STRESS}"
-    ),
+    "pairs of doubles are doubles": Kernel("two_product", "Pair p = CALL; p.lo = 0; return p;", EXACT),
     "discriminants from inside have the wrong form": Kernel(
         "quadratic",
         """Quadratic e = CALL;
@@ -187,7 +186,7 @@ MUTATIONS = {
         f"{STRESS} -k 'R1 or R2 or R3'",
     ),
     "whole numbers find no two spheres at one point": Kernel(
-        "order_of", "const int order = CALL; return order == 0 ? 1 : order;", "tests/kernels/test_exact.py"
+        "order_of", "const int order = CALL; return order == 0 ? 1 : order;", EXACT
     ),
     "lists end before the nearest surface": Kernel("REACH_SLACK", "0.875f", f"{STRESS} tests/kernels/test_hostile.py"),
     # ------------------------------------------------------------------------------------------------ light and shadows
@@ -301,15 +300,15 @@ MUTATIONS = {
         """const int sign = CALL;
         way = -way;
         return directed && sign == CALL ? -sign : sign;""",
-        "-m slow tests/kernels/test_mesh_rays.py -k pixels_show",
+        "-m slow tests/kernels/test_exact.py -k 'corners and rays and accurate'",
     ),
     "triangles beyond the light stop it": Kernel(
         "passing_of",
         "Passing is = CALL; if (at_point) is.side = -is.side; return is;",
-        "-m slow tests/kernels/test_mesh_rays.py -k lights_reach",
+        "-m slow tests/kernels/test_consistency.py -k 'meshes and (soup or terrain or room)'",
     ),
     "normals between corners are mixed up": Kernel(
-        "weighted", "return weighted(w, b, a, c);", "-m slow tests/kernels/test_attributes.py"
+        "weighted", "return weighted(w, b, a, c);", "-m slow tests/kernels/test_consistency.py -k smooth"
     ),
     # ------------------------------------------------------------------------------------------------ clipping
     "surfaces that planes do not clip are clipped": Kernel("are_unclipped", "return 0;", CLIPPED),

@@ -210,3 +210,53 @@ def fuzzed_tree(seed: int) -> Scene:
     materials["index"] = np.where(kinds >= 2, rng.choice([1e-38, 1e-3, 1, 1.5, 1e3, 3e38], n), 0)
     camera = dataclasses.replace(scene.camera, max_bounces=int(rng.choice([0, 1, 3, 6])))
     return dataclasses.replace(scene, materials=materials, camera=camera)
+
+
+def bare(scene: Scene) -> Scene:
+    """The same in ambient light alone, so that the colours do not depend on how the light's formulas are rounded."""
+    materials = scene.materials.copy()
+    materials["ka"], materials["kd"], materials["ks"] = 1, 0, 0
+    return dataclasses.replace(scene, materials=materials, lights=cltrace.ambient_light((1, 1, 1)))
+
+
+def splitting(scene: Scene, bounces: int) -> Scene:
+    """The same where all that mirrors is glass, too, and all glass mirrors: rays double at every hit."""
+    materials = scene.materials.copy()
+    both = (materials["reflectance"] > 0) | (materials["transmittance"] > 0)
+    for name in ("reflectance", "transmittance"):
+        materials[name][both & (materials[name] == 0)] = 0.375
+    materials["index"][both & (materials["index"] == 0)] = 1.25
+    return dataclasses.replace(
+        scene, materials=materials, camera=dataclasses.replace(scene.camera, max_bounces=bounces)
+    )
+
+
+def crowd(seed: int, count: int) -> Scene:
+    """Mirrors, glass and opaque balls of all sizes around the eye, some huge, some tiny, many through each other.
+
+    With an odd seed, half of the smaller ones are ellipsoids.
+    """
+    rng = np.random.default_rng(seed)
+    radii = 10.0 ** rng.uniform(-3, 0, count)
+    radii[: count // 50] = 10.0 ** rng.uniform(1, 4, count // 50)
+    way = rng.normal(size=(count, 3))
+    way *= ((rng.uniform(1, 12, count) + radii) / np.linalg.norm(way, axis=1))[:, None]
+    # A wall of balls that touch in rows, exactly, and shells of one another.
+    wall = np.stack(np.meshgrid(np.arange(-6, 7), np.arange(-5, 6), [-14]), -1).reshape(-1, 3)
+    centers = np.concatenate([way, wall, wall[::3]])
+    radii = np.concatenate([radii, np.full(len(wall), 0.5), np.full(len(wall[::3]), 0.5 + 2.0**-20)])
+    kinds = rng.integers(0, 3, len(radii))
+    bent = (rng.random(len(radii)) < 0.5) & (radii < 1)
+    maps = np.array([stretched(rng) if b else np.eye(3) for b in bent]) if seed % 2 else None
+    return Scene.from_spheres(
+        Camera((0, 0, 0), (0, 0, -1), (0.1, 1, 0), math.degrees(math.atan(0.8)), (64, 48), max_bounces=6),
+        [cltrace.ambient_light(), cltrace.point_light((1, 2, 3)), cltrace.parallel_light((1, -2, -1), (0.5, 0.5, 0.5))],
+        centers,
+        radii,
+        np.random.default_rng(seed).integers(1, 65, (len(radii), 3)) / 64,
+        reflectance=np.where(kinds == 1, 0.75, 0),
+        transmittance=np.where(kinds == 2, 0.75, 0),
+        index=1.5,
+        transform=maps,
+        background=(0.2, 0.3, 0.4),
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, Literal, NamedTuple
@@ -28,6 +28,7 @@ from cltrace.scene import AMBIENT, PARALLEL, POINT, SPOT, AnyCamera
 from cltrace.students.check import sample
 
 OUTPUTS = ("rgb8", "color", "normal", "direction", "depth", "id", "shadow_rays")
+MORE = (*OUTPUTS, "primitive", "uv")
 
 
 def renderer(
@@ -38,10 +39,13 @@ def renderer(
     keep: tuple[str, ...] = (),
     crop: tuple[int, int, int, int] | None = None,
 ) -> Renderer:
-    """A renderer of all outputs, by the kernel with all features: one program serves all tests of a precision and a
-    width. To compile one takes longer than most tests; test_scenes.py says that no picture depends on it.
+    """A renderer of all outputs, by the kernel with all features: one program serves all tests of spheres, of a
+    precision and a width, and others serve those of other shapes, which have more outputs. To compile one takes longer
+    than most tests; test_scenes.py says that no picture depends on it.
     """
-    return Renderer(scene, device, precision, OUTPUTS, crop, width=width, keep=("features", *keep))
+    only_spheres = not (scene.meshes or len(scene.cylinders) or len(scene.planes) or scene.camera.parallel)
+    outputs = OUTPUTS if only_spheres else MORE
+    return Renderer(scene, device, precision, outputs, crop, width=width, keep=("features", *keep))
 
 
 def picture(
@@ -59,7 +63,12 @@ def picture(
 def channel(image: Image, name: str) -> np.ndarray:
     """An output, one row per pixel."""
     value = getattr(image, name)
-    return value.reshape(-1, 3) if value.ndim == 3 else value.ravel()
+    return value.reshape(-1, *value.shape[2:])
+
+
+def assert_same(one: Image, two: Image, outputs: Iterable[str], what: object) -> None:
+    for name in outputs:
+        assert np.array_equal(getattr(one, name), getattr(two, name)), (name, what)
 
 
 def remembered(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -72,8 +81,9 @@ def remembered(function: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(function)
     def answer(scene: Scene, *arguments: object) -> Any:
         parts = (scene.spheres, scene.cylinders, scene.planes, scene.materials, scene.lights, scene.to_object)
-        meshes = (a for mesh in scene.meshes for a in (mesh.vertices, mesh.geometry.faces))
-        arrays = (np.ascontiguousarray(a).tobytes() for a in (*parts, *meshes))
+        of = [(m.vertices, m.geometry.faces, m.geometry.normals, m.geometry.uv, [m.number]) for m in scene.meshes]
+        parts += (*scene.textures, *(part for mesh in of for part in mesh))
+        arrays = (np.ascontiguousarray(part).tobytes() for part in parts)
         key = (scene.camera, scene.background, *arrays, *(a for a in arguments if isinstance(a, int)))
         if key not in kept:
             if len(kept) >= 256:
@@ -145,6 +155,7 @@ class Said(NamedTuple):
     id: NDArray[np.int64]
     primitive: NDArray[np.int64]
     depth: Floats
+    normal: Floats  # in the world, 0 where nothing is met
 
 
 @remembered
@@ -153,25 +164,27 @@ def said(scene: Scene, image: Image, count: int) -> Said:
     width, world = scene.camera.resolution[0], world_of(scene)
     pixels = sample(image.id, min(count, image.id.size))
     traced = [trace(world, primary_ray(scene.camera, int(i) % width, int(i) // width)) for i in pixels]
-    rows = [(*color, *((at.index, at.primitive, at.distance) if at else (-1, -1, np.inf))) for color, at in traced]
-    columns = np.array(rows, float).reshape(-1, 6)
-    return Said(pixels, columns[:, :3], columns[:, 3].astype(int), columns[:, 4].astype(int), columns[:, 5])
+    none = (-1, -1, np.inf, 0, 0, 0)
+    rows = [(*color, *((at.index, at.primitive, at.distance, *at.normal) if at else none)) for color, at in traced]
+    columns = np.array(rows, float).reshape(-1, 9)
+    numbers = columns[:, 3:5].astype(int).T
+    return Said(pixels, columns[:, :3], *numbers, columns[:, 5], columns[:, 6:] @ np.array(scene.camera.basis()))
 
 
 def wrong_pixels(scene: Scene, image: Image, count: int = 10_000, off: float = 1e-4) -> list[int]:
-    """Of some pixels, those at the edges of surfaces first: which show another surface, triangle or distance than the
-    reference says, a colour that is off by more than `off`, or a byte that is off by more than one level."""
+    """Of some pixels, those at the edges of surfaces first: which show another surface, triangle, distance or normal
+    than the reference says, a colour that is off by more than `off`, or a byte that is off by more than one level."""
     want = said(scene, image, count)
     got = {name: channel(image, name)[want.pixels] for name in image.outputs}
     wrong = got["id"] != want.id
-    for name in {"primitive", "depth"} & got.keys():
-        # Both compute t by the same operations in double: the very same bits.
-        wrong |= got[name] != getattr(want, name)
-    if "color" in got:
-        wrong |= ~(np.abs(got["color"] - want.color).max(axis=1) <= off)
-    if "rgb8" in got:
-        levels = np.array([[byte_of(c) for c in color] for color in want.color])
-        wrong |= np.abs(got["rgb8"].astype(int) - levels).max(axis=1) > 1
+    wrong |= got.get("primitive", want.primitive) != want.primitive
+    # Of spheres and ellipsoids, both compute t by the same operations in double: the very same bits.
+    others = scene.meshes or len(scene.cylinders) or len(scene.planes)
+    wrong |= ~np.isclose(got["depth"], want.depth, rtol=1e-9 if others else 0, atol=0)
+    wrong |= np.abs(got["normal"] - want.normal).max(axis=1) > 1e-6
+    wrong |= ~(np.abs(got["color"] - want.color).max(axis=1) <= off)
+    levels = np.array([[byte_of(c) for c in color] for color in want.color])
+    wrong |= np.abs(got["rgb8"].astype(int) - levels).max(axis=1) > 1
     return want.pixels[wrong].tolist()
 
 
@@ -197,17 +210,6 @@ def reached(scene: Scene, seen: Hits, rows: NDArray[np.intp]) -> tuple[NDArray[n
         where, met = light["direction" if kind == "parallel" else "position"], (d[rows], seen.index[rows])
         out[:, :, k] = lit(scene.camera.position, *met, spheres["center"], spheres["radius"], where, kind)
     return out[0], out[1]
-
-
-def pairs_on_a_plane(rng: np.random.Generator, x: float, huge: float) -> tuple[np.ndarray, np.ndarray]:
-    """Centres (10, 3) and radii (10) of spheres that rest on the plane at x, from tiny to huge: pairs, an ulp apart."""
-    centers, radii = [], []
-    for r in (huge / 2, 1.5 * x, 1.1, 1e20, 1e-20):
-        z = -float(rng.choice([huge / 2, 1.0, 2.0**60, x]))
-        for k in (0, 1):
-            centers.append((r * rng.choice([-1, 1]), 0 if k else x, z))
-            radii.append(r)
-    return np.array(centers), np.array(radii)
 
 
 @remembered

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from exact_rays import point_at
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.arithmetic import Fine, FineVector, Floats, adjugate, dot, fine_vector, product, select
@@ -91,18 +90,6 @@ def undecided(rays: Rays) -> Rays:
     """The same, of which doubles know nothing."""
     x, y, z = (replace(x, error=x.error + np.inf) for x in rays.way)
     return replace(rays, way=(x, y, z))
-
-
-def on_hits(rays: Rays, rows: NDArray[np.intp], kind: Kind, own: Ids) -> Points:
-    """The points where some rays with rational numbers meet surfaces of a kind; own: (n,), the row of each one."""
-
-    def place(i: int) -> ExactPoint:
-        root = kind.solid(int(own[i])).first(rays.line(int(rows[i])), 0.0, np.inf)
-        assert root is not None
-        return point_at(root)
-
-    nowhere = Fine(*np.zeros((2, len(own))), np.full(len(own), np.inf))
-    return Points(np.zeros((len(own), 3)), (nowhere, nowhere, nowhere), place, (type(kind), own))
 
 
 def on_spheres(spheres: Spheres, own: Ids, normal: Floats, basis: ArrayLike) -> Points:

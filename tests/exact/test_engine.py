@@ -6,7 +6,7 @@ import judge
 import mpmath
 import numpy as np
 import pytest
-from hostile import bounced_regimes, mesh_regimes, rod_pictures
+from hostile import bounced_regimes, cylinder_regimes, mesh_regimes
 from hostile.sphere_regimes import REGIMES, camera_space, rays
 from rational_meshes import doubles_mesh
 from surface_rays import along, blocked, closest, on_spheres, on_triangles, to_light
@@ -104,10 +104,10 @@ def test_meshes(name: str) -> None:
         agree(surfaces, (int(found.id[k]), int(found.primitive[k]), float(found.t[k])), eye, way)
 
 
-@pytest.mark.parametrize("name", list(rod_pictures.REGIMES))
+@pytest.mark.parametrize("name", list(cylinder_regimes.REGIMES))
 def test_cylinders(name: str) -> None:
     for seed in range(3):
-        scene = rod_pictures.scene_of(name, seed, (8, 8))
+        scene = cylinder_regimes.scene_of(name, seed, (8, 8))
         d = rays(scene.camera)[np.random.default_rng(seed).choice(64, 8, replace=False)] @ np.array(
             scene.camera.basis()
         )

@@ -2,12 +2,17 @@
 
 A regime is a scene, and its rays are of five kinds: anywhere, at another surface, all but touching it, all but along
 the surface on which they start, and inwards. Half of them start where that surface is nearest to the other one.
+
+PICTURES has regimes of pictures in which all surfaces are mirrors, or glass, and rays go on once: cameras are aimed so
+that what goes on are such rays, which the eye sees by a surface. It is near it, mostly, and the picture is from a
+sixth of a degree to next to nothing wide. Each surface has a colour that names it, so that a pixel tells what is met.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +22,9 @@ from surface_rays import along, on_spheres
 from cltrace.base.arithmetic import Floats
 from cltrace.oracle.search import Rays
 from cltrace.oracle.shapes import Spheres
-from cltrace.scene import Camera, Scene
+from cltrace.reference.bounce import refracted
+from cltrace.reference.vectors import Direction
+from cltrace.scene import Camera, Scene, ambient_light
 
 Made = tuple[Floats, Floats, Floats]  # centers, radii, and what makes ellipsoids of them, (n, 3, 3)
 
@@ -179,3 +186,113 @@ def _tangent(rng: np.random.Generator, f: Floats, r: NDArray[np.float64]) -> Flo
     sine = np.minimum(1, r / far)[:, None]
     side = _unit(_some(np.cross(f, rng.normal(size=f.shape))))
     return np.asarray(f / far[:, None] * np.sqrt((1 - sine) * (1 + sine)) + side * sine)
+
+
+# ---------------------------------------------------------------------------------------------------------- pictures
+
+
+class Regime(NamedTuple):
+    """shapes: see REGIMES; kinds, widest: of the rays at which cameras are aimed, see rays_of(); glass: the
+    share of surfaces that are glass, the others being mirrors; decades: half of the pictures are at most that many
+    powers of ten wider than what the rounding of the eye allows for."""
+
+    shapes: Callable[[np.random.Generator], Made]
+    kinds: tuple[int, ...] = KINDS
+    glass: float = 0.5
+    widest: float = 1e-1
+    decades: float = 3
+
+
+def _far_side(rng: np.random.Generator) -> Made:
+    """A ball, and what is at its wall: smaller balls that touch it from within, stick in it, and all but reach it."""
+    radii = np.array([1.0, *10.0 ** rng.uniform(-3, -0.5, 6)])
+    away = 1 + radii * np.array([-1, -1, -1, 0, 0.5, 1, 1 + 2.0**-30])
+    way = rng.normal(size=(7, 3))
+    away[0] = 0
+    return away[:, None] * (way / np.linalg.norm(way, axis=1)[:, None]) + rng.normal(size=3), radii, _round(7)
+
+
+def _in_a_shell(rng: np.random.Generator) -> Made:
+    """A shell, a ball within it that touches it but for rounding, and a ball around that one an ulp larger."""
+    way, radius = rng.normal(size=3), rng.uniform(0.2, 0.8)
+    center = (1 - radius) * way / np.linalg.norm(way)
+    return (
+        np.array([np.zeros(3), center, center, -0.5 * center]),
+        np.array([1, radius, np.nextafter(radius, 2), 0.1]),
+        _round(4),
+    )
+
+
+def _many(rng: np.random.Generator) -> Made:
+    """A ball among a thousand small ones."""
+    way, n = rng.normal(size=(1000, 3)), 1001
+    centers, radii = np.zeros((n, 3)), np.ones(n)
+    centers[1:] = way / np.linalg.norm(way, axis=1)[:, None] * rng.uniform(1.02, 3, (1000, 1))
+    radii[1:] = 10.0 ** rng.uniform(-2, -0.8, 1000)
+    return centers, radii, _round(n)
+
+
+PICTURES: dict[str, Regime] = {
+    **{name: Regime(shapes) for name, shapes in REGIMES.items()},
+    "grazing mirrors": Regime(room, (TOUCHING, ALONG), 0, 1e-15, 0.5),
+    "grazing glass": Regime(room, (TOUCHING, ALONG, INWARDS), 1, 1e-15, 0.5),
+    "the far side of glass": Regime(_far_side, (TOUCHING, INWARDS), 1),
+    "a ball in a shell": Regime(_in_a_shell),
+    "a thousand balls round a mirror": Regime(_many, glass=0.1),
+}
+
+
+def scenes_of(name: str, seed: int, size: tuple[int, int], cameras: int) -> Iterator[Scene]:
+    """A scene of a regime, seen by so many cameras; size: of the pictures, pixels."""
+    rng, regime = np.random.default_rng([seed, list(PICTURES).index(name)]), PICTURES[name]
+    centers, radii, maps = regime.shapes(rng)
+    axes, n = Camera((0, 0, 0), tuple(rng.normal(size=3))), len(radii)
+    glass, digits = rng.random(n) < regime.glass, 256  # of a colour's channel
+    scene = Scene.from_spheres(
+        axes,
+        [ambient_light((1, 1, 1))],
+        centers,
+        radii,
+        np.arange(n)[:, None] // digits ** np.arange(3) % digits / digits,
+        ka=1,
+        kd=0,
+        ks=0,
+        reflectance=1.0 - glass,
+        transmittance=1.0 * glass,
+        index=rng.choice([1.0, 1.5, 0.75, 2.5], n),
+        transform=maps,
+        background=(1.0, 1.0, 1.0),
+    )
+    rays = rays_of(scene, cameras, int(rng.integers(2**32)), regime.kinds, regime.widest)
+    for row in range(cameras):
+        camera = _aimed(scene, rays, row, regime.decades, rng)
+        yield scene.seen_by(replace(camera, resolution=size, max_bounces=0))
+
+
+def _aimed(scene: Scene, rays: Leaving, row: int, decades: float, rng: np.random.Generator) -> Camera:
+    """A camera that looks at where a ray starts, such that the ray is what goes on from there, but for rounding.
+
+    What it sees is between all of that and next to nothing beside it. Something else may be in the way.
+    """
+    own, material = int(rays.own[row]), scene.materials[int(rays.own[row])]
+    K = scene.to_object[scene.spheres["to_object"][own]] if scene.spheres["to_object"][own] >= 0 else np.eye(3)
+    basis = np.array(scene.camera.basis())
+    u = rays.normal[row] if scene.spheres["to_object"][own] >= 0 else rays.normal[row] @ basis
+    n, d = u @ K, rays.direction[row] @ basis
+    n, d = n / np.linalg.norm(n), d / np.linalg.norm(d)
+    r = float(scene.spheres["radius"][own])
+    step, side = r * np.linalg.solve(K, u), 1 if n @ d > 0 else -1
+    v = d - 2 * (n @ d) * n
+    if material["transmittance"]:
+        back = refracted(Direction(*-d), Direction(*n), side, float(material["index"]))
+        v, side = (v, side) if back is None else (-np.array(tuple(back)), -side)
+    # From within, no farther than to the wall; but an eye that is all but on it is for other tests.
+    chord = 2 * (K @ step) @ (K @ v) / ((K @ v) @ (K @ v))
+    away = rng.uniform(0.05, 0.95) * chord if side < 0 else r * 10.0 ** rng.uniform(-1.5, 1.5)
+    away = max(away, 2.0**-20 * r)
+    eye = scene.spheres["center"][own] + step - away * v
+    # Its place is rounded, by which the aim is off, and the far point at which it looks, by next to nothing.
+    size = np.abs(eye).max() + away
+    least = math.log10(min(2.0**-46 * size / away, 0.1))
+    angle = math.degrees(math.atan(10.0 ** rng.uniform(least, rng.choice([0.3, min(0.3, least + decades)]))))
+    return Camera(tuple(eye), tuple(eye + 4 * size * v), tuple(rng.normal(size=3)), angle)

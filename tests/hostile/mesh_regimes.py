@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from cltrace.scene import Camera, Material, Mesh, Scene
+from cltrace.scene import Camera, Material, Mesh, Scene, ambient_light, parallel_light, point_light
 
 Floats = NDArray[np.float64]
 Faces = NDArray[np.int64]
@@ -35,8 +36,8 @@ class Made(NamedTuple):
     shapes: Sequence[Shape]
     eye: tuple[float, float, float] = (0.0, 0.0, 0.0)
     camera: Camera | None = None
-    centers: Sequence[tuple[float, float, float]] = ()
-    radii: Sequence[float] = ()
+    centers: ArrayLike = ()
+    radii: ArrayLike = ()
     transforms: Sequence[Floats] = ()
 
 
@@ -81,20 +82,10 @@ class Pixels:
 # --------------------------------------------------------------------------------------------------------------- shapes
 
 
-def icosphere(levels: int) -> Shape:
-    """A closed mesh of 20 * 4^levels triangles between points of the unit sphere."""
-    t = (1 + math.sqrt(5)) / 2
-    corners = [(-1, t, 0), (1, t, 0), (-1, -t, 0), (1, -t, 0)]
-    vertices = [np.roll(c, k) / math.hypot(1, t) for k in range(3) for c in corners]
-    # The five around each corner are its nearest; three that are near each other are a face.
-    near = np.linalg.norm(np.array(vertices)[:, None] - np.array(vertices), axis=2) < 1.1
-    faces = [
-        (a, b, c) if np.linalg.det([vertices[a], vertices[b], vertices[c]]) > 0 else (a, c, b)
-        for a in range(12)
-        for b in range(a + 1, 12)
-        for c in range(b + 1, 12)
-        if near[a, b] and near[b, c] and near[a, c]
-    ]
+def round_mesh(levels: int) -> Shape:
+    """A closed mesh of 8 * 4^levels triangles between points of the unit sphere."""
+    vertices: list[Floats] = [*np.eye(3), *-np.eye(3)]
+    faces = [(0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2), (1, 0, 5), (3, 1, 5), (4, 3, 5), (0, 4, 5)]
     for _ in range(levels):
         middle: dict[tuple[int, int], int] = {}
         finer = []
@@ -156,14 +147,18 @@ def shuffled(shape: Shape, rng: np.random.Generator) -> Shape:
 # -------------------------------------------------------------------------------------------------------------- regimes
 
 
-def _ball(pixels: Pixels, levels: int = 2, depth: float = 6.0, radius: float = 1.2) -> Shape:
-    vertices, faces = icosphere(levels)
-    return _turned(vertices, pixels.rng) * radius + (0, 0, -depth), faces
-
-
 def _turned(points: Floats, rng: np.random.Generator) -> Floats:
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     return np.asarray(points @ turn)
+
+
+def _towards(pixels: Pixels, eye: Floats, at: Floats, angle: float) -> Camera:
+    return Camera(tuple(eye), tuple(at), tuple(pixels.rng.normal(size=3)), angle, pixels.size, max_bounces=0)
+
+
+def _ball(pixels: Pixels, levels: int = 2, depth: float = 6.0, radius: float = 1.2) -> Shape:
+    vertices, faces = round_mesh(levels)
+    return _turned(vertices, pixels.rng) * radius + (0, 0, -depth), faces
 
 
 def random_soup(pixels: Pixels) -> Made:
@@ -176,17 +171,10 @@ def random_soup(pixels: Pixels) -> Made:
 
 def ball(pixels: Pixels) -> Made:
     """A closed mesh between any doubles, before any camera."""
-    rng = pixels.rng
-    eye = _ahead(rng, 4)
-    up = rng.normal(size=3)
-    camera = Camera(tuple(eye), (0, 0, 0), tuple(up), math.degrees(math.atan(0.4)), pixels.size)
-    vertices, faces = icosphere(2)
-    return Made([shuffled((_turned(vertices, rng), faces), rng)], camera=camera)
-
-
-def _ahead(rng: np.random.Generator, distance: float) -> Floats:
-    way = rng.normal(size=3)
-    return np.asarray(way / np.linalg.norm(way) * distance)
+    way = pixels.rng.normal(size=3)
+    camera = _towards(pixels, way / np.linalg.norm(way) * 4, np.zeros(3), math.degrees(math.atan(0.4)))
+    vertices, faces = round_mesh(2)
+    return Made([shuffled((_turned(vertices, pixels.rng), faces), pixels.rng)], camera=camera)
 
 
 def corners_on_rays(pixels: Pixels) -> Made:
@@ -219,13 +207,6 @@ def edges_along_rows(pixels: Pixels) -> Made:
     return Made([grid(pixels.at(row, column, pixels.depths(count * count).reshape(count, count)), pixels.rng)])
 
 
-def edges_along_columns(pixels: Pixels) -> Made:
-    made = edges_along_rows(pixels)
-    vertices, faces = made.shapes[0]
-    turned = vertices[:, [1, 0, 2]]
-    return Made([(turned, faces)])
-
-
 def slivers(pixels: Pixels) -> Made:
     """A wall cut into needles, 10^-1 to 10^-12 wide."""
     rng = pixels.rng
@@ -246,28 +227,21 @@ def slivers_between_rays(pixels: Pixels) -> Made:
     return Made([soup(np.stack([near, far, third], axis=1))])
 
 
-def shifted(made: Callable[[Pixels], Made], by: float) -> Callable[[Pixels], Made]:
-    """The same at an offset, and the eye, too: where the sums are exact, all is as before."""
+def moved(regime: Callable[[Pixels], Made], by: float = 0, scale: float = 1) -> Callable[[Pixels], Made]:
+    """The same at an offset, and the eye, too, or larger: where the sums are exact, all is as before."""
 
-    def moved(pixels: Pixels) -> Made:
-        x, y, z = (by * pixels.rng.choice([-1, 1], 3)).tolist()
-        shapes = [(vertices + (x, y, z), faces) for vertices, faces in made(pixels).shapes]
-        return Made(shapes, (x, y, z))
+    def of(pixels: Pixels) -> Made:
+        made, offset = regime(pixels), by * pixels.rng.choice([-1, 1], 3)
+        camera = made.camera and replace(
+            made.camera,
+            position=tuple(offset + made.camera.position),
+            lookat=tuple(offset + made.camera.lookat),
+        )
+        shapes = [(vertices * scale + offset, faces) for vertices, faces in made.shapes]
+        centers = np.reshape(made.centers, (-1, 3)) * scale + offset
+        return made._replace(shapes=shapes, eye=tuple(offset.tolist()), camera=camera, centers=centers)
 
-    return moved
-
-
-def scaled(made: Callable[[Pixels], Made], by: float) -> Callable[[Pixels], Made]:
-    return lambda pixels: Made([(vertices * by, faces) for vertices, faces in made(pixels).shapes])
-
-
-def duplicates(pixels: Pixels) -> Made:
-    """A mesh three times, its triangles in other orders, and a wall that is cut in two ways."""
-    rng = pixels.rng
-    shape = _ball(pixels, 1)
-    wall = pixels.at(np.array([0, 0, 40, 40]), np.array([0, 40, 40, 0]), np.full(4, 3.0))
-    one, two = (wall, np.array([(0, 1, 2), (0, 2, 3)])), (wall, np.array([(1, 2, 3), (3, 0, 1)]))
-    return Made([shuffled(s, rng) for s in (shape, shape, fan(wall.mean(axis=0), wall), shape, one, two)])
+    return of
 
 
 def coplanar(pixels: Pixels) -> Made:
@@ -352,7 +326,7 @@ def eye_on_an_edge(pixels: Pixels) -> Made:
 def eye_on_a_corner(pixels: Pixels) -> Made:
     """A closed mesh one of whose corners is the eye, and a fan around it, within a closed ball."""
     rng = pixels.rng
-    vertices, faces = icosphere(1)
+    vertices, faces = round_mesh(1)
     vertices = np.round(_turned(vertices, rng) * 64) / 64
     near = vertices - vertices[rng.integers(len(vertices))]
     rim = pixels.at(*pixels.some(9), pixels.depths(9))
@@ -423,7 +397,7 @@ def far_and_small(pixels: Pixels) -> Made:
     rng = pixels.rng
     shapes = []
     for distance in 10.0 ** rng.uniform(2, 9, 5):
-        vertices, faces = icosphere(1)
+        vertices, faces = round_mesh(1)
         place = pixels.at(*pixels.some(1), np.array([distance]))[0]
         shapes.append((place + _turned(vertices, rng) * distance * 10.0 ** rng.uniform(-4, -1.5), faces))
     points = pixels.at(*pixels.some(80), 10.0 ** rng.uniform(2, 9, 80))
@@ -453,7 +427,7 @@ def nested(pixels: Pixels) -> Made:
 def within(pixels: Pixels) -> Made:
     """The eye in closed meshes, all but at their walls."""
     rng = pixels.rng
-    vertices, faces = icosphere(2)
+    vertices, faces = round_mesh(2)
     shapes = []
     for _ in range(3):
         turned = _turned(vertices, rng)
@@ -470,13 +444,6 @@ def behind_the_eye(pixels: Pixels) -> Made:
     return Made([soup(np.concatenate([ahead[:, None], back], axis=1))])
 
 
-def split(pixels: Pixels) -> Made:
-    """A closed mesh whose triangles are in three meshes, and share no corners but by equal numbers."""
-    vertices, faces = _ball(pixels)
-    triangles = pixels.snapped(vertices)[faces[pixels.rng.permutation(len(faces))]]
-    return Made([soup(part) for part in np.array_split(triangles, 3)])
-
-
 def among_spheres(pixels: Pixels) -> Made:
     """Boxes with spheres that touch all their walls from within, ellipsoids, and walls through spheres' centres."""
     rng = pixels.rng
@@ -486,16 +453,51 @@ def among_spheres(pixels: Pixels) -> Made:
         place = np.round(place * 64) / 64
         shapes.append(box(place - r, place + r, rng))
         for radius in (r, r * 1.25):
-            centers.append(tuple(place.tolist()))
+            centers.append(place)
             radii.append(radius)
             transforms.append(np.eye(3))
         turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-        centers.append(tuple((place + 0.1).tolist()))
+        centers.append(place + 0.1)
         radii.append(r)
         transforms.append(turn * [1, 0.5, 1.5])
     x, y = rng.integers(-8, 9, (2, 20, 3)) / 4
     shapes.append(soup(np.stack([x, y, np.broadcast_to(-rng.integers(3, 7, (20, 1)), (20, 3))], axis=2)))
     return Made(shapes, centers=centers, radii=radii, transforms=transforms)
+
+
+def balls_on_a_floor(pixels: Pixels) -> Made:
+    """A floor and two walls of triangles, and balls that touch some of them exactly; all of whole numbers."""
+    rng, side = pixels.rng, np.arange(-4, 5, 2.0)
+    x, y = np.meshgrid(side, side)
+    flat = np.stack([x, y, np.full(x.shape, -2.0)], axis=2)
+    centers = rng.integers(-1, 3, (12, 3)).astype(float)
+    radii = np.minimum(centers.min(axis=1) + 2, rng.choice([1, 2], 12))
+    camera = _towards(pixels, np.round(rng.uniform(4, 9, 3) * 16) / 16, 0.3 * rng.normal(size=3), HALF_ANGLE)
+    return Made([grid(np.roll(flat, k, axis=2), rng) for k in range(3)], camera=camera, centers=centers, radii=radii)
+
+
+def corners_on_spheres(pixels: Pixels) -> Made:
+    """Triangles between points of two equal spheres, exactly, and balls with their corners as centres."""
+    rng, side = pixels.rng, np.arange(-9, 10)
+    points = np.stack(np.meshgrid(side, side, side), axis=-1).reshape(-1, 3)
+    points = points[(points**2).sum(axis=1) == 81] / 4  # 9/4 from the middle
+    corners, centers = points[rng.integers(len(points), size=(4, 3))], points[rng.integers(len(points), size=6)]
+    camera = _towards(pixels, np.round(rng.normal(size=3) * 8) / 16, 0.3 * rng.normal(size=3), 60)
+    radii = [2.25, 2.25, *rng.choice([0.25, 0.5], 6)]
+    return Made([soup(corners)], camera=camera, centers=np.vstack([np.zeros((2, 3)), centers]), radii=radii)
+
+
+def eggs_in_a_mesh(pixels: Pixels) -> Made:
+    """Ellipsoids and spheres that stick through a closed mesh, whose corners are on one of them but for rounding."""
+    rng, (vertices, faces) = pixels.rng, round_mesh(2)
+    centers, radii = rng.normal(size=(9, 3)), rng.uniform(0.3, 1.2, 9)
+    maps = [np.eye(3) if k % 2 else _turned(np.diag(10.0 ** rng.uniform(-0.5, 0.3, 3)), rng) for k in range(9)]
+    centers[1], radii[1] = 0, 1.5
+    # Of the first one the faces are partly within the sphere.
+    shapes = [(vertices * 1.52, faces), (vertices @ maps[0].T * radii[0] + centers[0], faces)]
+    far = rng.choice([0.7, 12])
+    camera = _towards(pixels, far * rng.normal(size=3), 0.3 * rng.normal(size=3), HALF_ANGLE if far > 4 else 60)
+    return Made(shapes, camera=camera, centers=centers, radii=radii, transforms=maps)
 
 
 REGIMES: dict[str, Callable[[Pixels], Made]] = {
@@ -505,14 +507,12 @@ REGIMES: dict[str, Callable[[Pixels], Made]] = {
     "corners an ulp beside rays": corners_all_but_on_rays,
     "edges across rays": edge_points_on_rays,
     "edges along rows": edges_along_rows,
-    "edges along columns": edges_along_columns,
     "slivers to 1e-12": slivers,
     "slivers between rays": slivers_between_rays,
-    "offset 1e7, corners on rays": shifted(corners_on_rays, 1e7),
-    "offset 1e7, soup": shifted(random_soup, 1e7 + 0.3),
-    "scale 2^60": scaled(corners_on_rays, 2.0**60),
-    "scale 2^-60": scaled(corners_on_rays, 2.0**-60),
-    "duplicates": duplicates,
+    "offset 1e7, corners on rays": moved(corners_on_rays, 1e7),
+    "offset 1e7, soup": moved(random_soup, 1e7 + 0.3),
+    "scale 2^60": moved(corners_on_rays, scale=2.0**60),
+    "scale 2^-60": moved(corners_on_rays, scale=2.0**-60),
     "coplanar": coplanar,
     "doubled": doubled,
     "fans in planes": fans_in_planes,
@@ -531,8 +531,11 @@ REGIMES: dict[str, Callable[[Pixels], Made]] = {
     "nested": nested,
     "eye within": within,
     "behind the eye": behind_the_eye,
-    "split in three": split,
     "among spheres": among_spheres,
+    "balls on a floor": balls_on_a_floor,
+    "corners on spheres": corners_on_spheres,
+    "eggs in a mesh": eggs_in_a_mesh,
+    "eggs in a mesh, 1e7 away": moved(eggs_in_a_mesh, 1e7),
 }
 CLOSED = (
     "a closed ball",
@@ -542,22 +545,42 @@ CLOSED = (
     "scale 2^60",
     "scale 2^-60",
     "nested",
-    "split in three",
     "pillars",
 )
 AROUND = ("room", "eye within")  # closed, and each around the eye
 
 
-def scene_of(name: str, seed: int, size: Size = SIZE) -> Scene:
-    """The regime's scene; its picture is of that size, whose sides should be powers of two."""
+def scene_of(name: str, seed: int, size: Size = SIZE, full: bool = False) -> Scene:
+    """The regime's scene; its picture is of that size, whose sides should be powers of two.
+
+    full: in four lights, with mirrors and glass, normals at corners and textures, and rays that go on three times.
+    """
     rng = np.random.default_rng([seed, *name.encode()])
     made = REGIMES[name](Pixels(rng, size))
     x, y, z = made.eye
     camera = made.camera or Camera((x, y, z), (x, y, z - max(1.0, abs(z))), (0, 1, 0), HALF_ANGLE, size, max_bounces=0)
-    shades = np.linspace(0.1, 1, len(made.shapes))
-    meshes = [
-        Mesh(vertices, faces, material=Material((shade, 0.5, 1 - shade), ka=1))
-        for (vertices, faces), shade in zip(made.shapes, shades, strict=True)
-    ]
-    transform = np.array(made.transforms) if made.transforms else None
-    return Scene.from_spheres(camera, (), made.centers, made.radii, ka=1, transform=transform, meshes=meshes)
+    centers, transform = np.reshape(made.centers, (-1, 3)), np.array(made.transforms) if made.transforms else None
+    if not full:
+        shades = np.linspace(0.1, 1, len(made.shapes))
+        meshes = [
+            Mesh(vertices, faces, material=Material((shade, 0.5, 1 - shade), ka=1))
+            for (vertices, faces), shade in zip(made.shapes, shades, strict=True)
+        ]
+        return Scene.from_spheres(camera, (), centers, made.radii, ka=1, transform=transform, meshes=meshes)
+    place = made.shapes[0][0][0]
+    reach = max(np.abs(vertices - camera.position).max() for vertices, _ in made.shapes)
+    lights = [point_light(place + 0.3 * reach * rng.normal(size=3), (0.5, 0.4, 0.3)) for _ in range(2)]
+    lights += [parallel_light((1, -2, -3), (0.4, 0.4, 0.4)), ambient_light((0.2, 0.2, 0.2))]
+    meshes = []
+    for vertices, faces in made.shapes:
+        texture = rng.integers(0, 256, (3, 5, 3)).astype(np.uint8) if rng.random() < 0.5 else None
+        reflectance, transmittance = rng.choice([0, 0, 0.4], 2)
+        material = Material(
+            tuple(rng.random(3)), reflectance=reflectance, transmittance=transmittance, index=1.5, texture=texture
+        )
+        normals = rng.normal(size=vertices.shape) if rng.random() < 0.5 else None
+        meshes.append(Mesh(vertices, faces, normals, rng.normal(size=(len(vertices), 2)), material))
+    return Scene.from_spheres(
+        replace(camera, max_bounces=3), lights, centers, made.radii, rng.random((len(centers), 3)), reflectance=0.3,
+        transmittance=0.3, index=1.5, transform=transform, meshes=meshes, background=(0.1, 0.2, 0.3),
+    )  # fmt: skip

@@ -22,7 +22,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.scene import AnyCamera, Camera, Scene
+from cltrace.scene import AnyCamera, Camera, Orthographic, Scene
 
 Size = tuple[int, int]
 Regime = Callable[..., Scene]
@@ -350,6 +350,26 @@ def horizon(name: str, seed: int, size: Size = SIZE) -> Scene:
         centers.append(center)
         radii.append(height * (1 + 2.0 ** -rng.integers(46, 51)))
     return _colored(camera, centers, radii)
+
+
+def most_digits(seed: int, size: Size = (9, 7), parallel: bool = False) -> Scene:
+    """Numbers with all the bits that a scene can have: pairs, an ulp apart, from tiny to huge, that rest on a plane.
+
+    The plane is about the middle column's.
+    """
+    rng = np.random.default_rng(seed)
+    tiny, huge = 2.0**-149 * (1 + 2.0**-52), 2.0**127 * (2 - 2.0**-23)
+    eye, at, up = (tiny, 0, tiny), (2.0**-149 * 3, 2.0**-149, -huge), (0.0, 1.0, 2.0**-149)
+    height = (2.0**-149 * 9, 9.0, huge)[seed % 3]
+    camera: AnyCamera = Camera(eye, at, up, 2.0**-149 * 1.3, size, square_pixels=False)
+    camera = Orthographic(eye, at, up, height, resolution=size) if parallel else camera
+    centers, radii = [], []
+    for r in (huge / 2, 1.5 * tiny, 1.1, 1e20, 1e-20):
+        z = -float(rng.choice([huge / 2, 1.0, 2.0**60, tiny]))
+        for k in (0, 1):
+            centers.append((r * rng.choice([-1, 1]), 0 if k else tiny, z))
+            radii.append(r)
+    return Scene.from_spheres(camera, [], centers, radii)
 
 
 EDGES: list[tuple[str, Regime]] = [

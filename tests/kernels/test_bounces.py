@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -19,9 +20,7 @@ from glowing import (
     A,
     B,
     Beams,
-    Part,
     Row,
-    assert_same,
     eye,
     glowing,
     passes,
@@ -32,20 +31,19 @@ from glowing import (
     turned,
 )
 from hostile.sphere_regimes import rays as camera_rays
-from hostile.sphere_scenes import AXES, Ball, aimed, directions, limbs, looking
+from hostile.sphere_scenes import AXES, Ball, directions, looking
 from random_scenes import random_tree
-from stress_cases import channel, picture
+from stress_cases import assert_same, channel, picture
 
 from cltrace import Camera, Image, Scene, ambient_light, parallel_light, point_light, spot_light
-from cltrace.reference import byte_of, world_of
-from cltrace.reference.trace import primary_ray, trace
+from cltrace.reference import byte_of
 from cltrace.run.devices import Device
 
 DEPTHS = (0, 1, 2, 8, 64, 100)
 
 
 def drawn(scene: Scene, device: Device, precision: str = "accurate", keep: tuple[str, ...] = ()) -> Image:
-    """picture() without the tree of boxes, which needs another program: test_tree.py and test_ellipsoids.py have it."""
+    """picture() without the tree of boxes, which needs another program: test_invariance.py has it."""
     return picture(scene, device, precision, keep=("tree", *keep))
 
 
@@ -76,20 +74,6 @@ def test_two_mirrors_that_face_each_other(device: Device, r: float) -> None:
         assert (show(scene, device) == total(parts)).all(), n
 
 
-@pytest.mark.slow
-def test_a_bubble_from_its_centre(device: Device) -> None:
-    """From the centre of a ball each ray meets the wall straight on, and its reflection comes back through the centre.
-
-    With r = 1/2, t = 1/4: at every depth k <= n the wall adds 2^-k (A/4 + night/4), and at n + 1 2^-(n+1) A.
-    """
-    for n in (0, 1, 2, 8, 100):
-        for index in (1.0, 1.5, 0.5):
-            camera = eye(n, at=(3, -5, 7), tan=2)
-            scene = glowing(camera, [((3, -5, 7), 2.5)], A, reflectance=0.5, transmittance=0.25, index=index)
-            parts = [(2.0**-k * 0.25, color) for k in range(n + 1) for color in (A, NIGHT)]
-            assert (show(scene, device) == total([*parts, (2.0 ** -(n + 1), A)])).all(), (n, index)
-
-
 def shells(apart: str) -> list[Ball]:
     """64 concentric balls about (0, 0, -8), the smallest first: by 1/64 or by the smallest step of a double."""
     radii = [1.0]
@@ -99,26 +83,6 @@ def shells(apart: str) -> list[Ball]:
 
 
 GREYS = [(k % 5 / 4, k % 7 / 8, k % 11 / 16) for k in range(64)]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("apart", ["ulp", "64th"])
-@pytest.mark.parametrize("index", [1.0, 1.5])
-def test_shells_from_their_centre(device: Device, apart: str, index: float) -> None:
-    """Each ray leaves through all 64 walls, straight on: with t = 1 - 2^-6 the k-th adds t^k 2^-6 of its colour.
-
-    For n < 64 the wall of depth n + 1 is the last, and in full; beyond, the night is seen by t^64.
-    """
-    t = 1 - 2.0**-6
-    for n in DEPTHS:
-        camera = eye(n, at=(0, 0, -8), tan=1.5)
-        scene = glowing(camera, shells(apart), GREYS, transmittance=t, index=index)
-        parts, weight = [], 1.0
-        for depth in range(min(n + 1, 64)):
-            parts.append((weight * (1 - t), GREYS[depth]))
-            weight *= t
-        parts.append((weight, GREYS[n + 1] if n < 63 else NIGHT))
-        assert (show(scene, device) == total(parts)).all(), n
 
 
 @pytest.mark.parametrize("apart", ["ulp", "64th"])
@@ -155,20 +119,6 @@ def test_weights_that_grow(device: Device) -> None:
         assert (channel(image, "rgb8") == [byte_of(c) for c in want]).all(), (r, n)
 
 
-@pytest.mark.slow
-def test_sums_that_grow(device: Device) -> None:
-    """r = t = 2^30 between glass balls: many contributions, each of which is the largest that there is."""
-    balls = [((0, 0, -5), 1), ((0, 0, -8), 1), ((0, 0, 3), 1), ((0, 0, 0), 30)]
-    for n in (2, 5, 8):
-        scene = glowing(eye(n), balls, (0.5, 1.0, 0.0), (0.5, 1.0, 0.0), reflectance=2.0**30, transmittance=2.0**30)
-        image = drawn(scene, device)
-        color = channel(image, "color")
-        assert np.isfinite(color).all()
-        assert (color[:, :2] >= 2.0**20).all(), n
-        assert (color[:, 2] == 0).all(), n
-        assert (channel(image, "rgb8") == [255, 255, 0]).all(), n
-
-
 def furnace(scene: Scene) -> Scene:
     """The same shapes, mirrors and glass, where all is white: what comes from anywhere is 1."""
     materials = scene.materials.copy()
@@ -196,7 +146,9 @@ def test_what_is_outside_of_a_tree_is_exact(device: Device) -> None:
     for n in (0, 8):
         camera = eye(n, size=(24, 18), tan=0.5)
         kept = Scene.from_spheres(camera, lights, *map(list, zip(*balls, strict=True)), [A, B], background=NIGHT)
-        mirror = replace(kept, materials=mirroring(kept.materials, [0, 0.5]))
+        materials = kept.materials.copy()
+        materials["reflectance"] = 0, 0.5
+        mirror = replace(kept, materials=materials)
         one, two = drawn(kept, device), drawn(mirror, device)
         away = one.id != 1
         assert away.any()
@@ -207,13 +159,6 @@ def test_what_is_outside_of_a_tree_is_exact(device: Device) -> None:
         assert np.abs(one.color[away] - two.color[away]).max() <= 2.0**-24
         assert (one.rgb8[away] == two.rgb8[away]).all()
         assert (one.rgb8[~away] != two.rgb8[~away]).any()
-
-
-def mirroring(materials: np.ndarray, reflectance: object) -> np.ndarray:
-    """The same materials with these reflectances."""
-    materials = materials.copy()
-    materials["reflectance"] = reflectance
-    return materials
 
 
 # -------------------------------------------------------------------------------------------------------- where rays go
@@ -248,51 +193,6 @@ def test_a_ball_lens(device: Device, index: float) -> None:
     assert (drawn(scene, device).id == 0).all()
 
 
-def test_the_focus_of_a_ball_lens(device: Device) -> None:
-    """Paraxial rays of a ball of index N and radius R meet at R N/(2(N-1)) behind its centre, if they come from afar.
-
-    From an eye at distance s before the centre, 1/s' = 1/f - 1/s with f = R N/(2(N-1)). R = 1, N = 1.5: f = 1.5. From
-    s = 1e6, at tan = 1e-9, all rays pass within 1e-3 of the axis, and within 1e-8 of it at the focus: a coin of radius
-    1e-7 there fills the picture; at half the distance it does not.
-    """
-    s = 1e6
-    image = 1 / (1 / 1.5 - 1 / s)
-    for place, full in ((image, True), (0.5 * (1 + image), False)):
-        camera = eye(4, at=(0, 0, s), tan=1e-9)
-        balls = [((0, 0, 0), 1), ((0, 0, -place), 1e-7)]
-        color = show(glowing(camera, balls, [BLACK, WHITE], BLACK, transmittance=[1, 0], index=1.5), device)
-        assert (color == 1).all() == full
-
-
-@pytest.mark.slow
-def test_orders_of_the_rainbow(device: Device) -> None:
-    """Within glass of r = t = 1/2 a ray goes round and round, and some of it leaves at every turn.
-
-    With sin(i) = b/R and sin(o) = b/(R index), what the ball reflects is turned by -(pi - 2i) about the centre, and
-    what leaves after p reflections within by 2 (i - o) + p (pi - 2o). Each of the first ones of these has a pea. The
-    depths: the reflection 1, what leaves at order p: p + 2. The wall within is met at depths 1, 2, ..., with weight
-    2^-depth, and shows its colour only at n + 1, since r + t = 1.
-    """
-    center, R, index, orders = (0.25, -0.125, -8.0), 1.5, 1.5, 3
-    rays = Beams.of(eye(0, tan=0.08))
-    sine = passes(center, rays) / R
-    i, o = np.arcsin(sine), np.arcsin(sine / index)
-    # pi to long double: what math.pi lacks of it is its sine.
-    pi = np.longdouble(math.pi) + np.sin(np.longdouble(math.pi))
-    ways = [turned(center, rays, 2 * i - pi).at(20)]
-    ways += [turned(center, rays, 2 * (i - o) + p * (pi - 2 * o)).at(20) for p in range(orders)]
-    for n in (0, 1, 2, 3, 8):
-        scene, colors = targets(eye(n, tan=0.08), [(center, R)], ways, reflectance=0.5, transmittance=0.5, index=index)
-        materials = scene.materials.copy()
-        materials["color"][0] = A
-        got = show(replace(scene, materials=materials, background=NIGHT), device)
-        for pixel in range(len(got)):
-            parts: list[Part] = [(0.5, colors[0][pixel])]
-            for p in range(n):
-                parts.append((2.0 ** -(p + 2), colors[1 + p][pixel] if p < orders else NIGHT))
-            assert (got[pixel] == total([*parts, (2.0 ** -(n + 1), A)])).all(), (n, pixel)
-
-
 def test_from_within_glass(device: Device) -> None:
     """An eye inside a ball of glass: rays are bent once, away from the normal, as they leave."""
     center, R, index = (0.25, 0.5, 0.125), 2.0, 1.5
@@ -317,29 +217,6 @@ def test_glass_within_glass(device: Device) -> None:
     out = turned(center, rays, angle)
     scene, (colors,) = targets(camera, [(center, R), (center, Q)], [out.at(20)], transmittance=1, index=N)
     assert (show(scene, device) == colors).all()
-
-
-@pytest.mark.slow
-def test_mirrors_around_corners(device: Device) -> None:
-    """From the eye to ball 0, which it meets at 30 degrees, from there to ball 1, from there to a pea."""
-    first, second, camera = ((0, 0, -6), 1.0), ((0, 5.7, -2.1), 1.5), eye(2, tan=0.004, at=(0, 0.5, 0))
-    one, n = Beams.of(camera).meet(*first)
-    two, m = one.mirrored(n).meet(*second)
-    scene, (colors,) = targets(camera, [first, second], [two.mirrored(m).at(2)], reflectance=1)
-    assert (show(scene, device) == colors).all()
-
-
-@pytest.mark.slow
-def test_clusters_of_peas(device: Device) -> None:
-    """Off a ball, at 64 clusters of 8 peas each, 1e-6 apart one behind the other: a box of the tree is no larger.
-
-    The first pea of each is the one that is seen.
-    """
-    ball, camera = ((0, 0, -6), 1.0), eye(1, tan=0.02, size=(8, 8))
-    there, n = Beams.of(camera).meet(*ball)
-    way = there.mirrored(n)
-    scene, colors = targets(camera, [ball], [way.at(7 + 1e-6 * k) for k in range(8)], reflectance=1)
-    assert (channel(picture(scene, device), "color") == colors[0]).all()
 
 
 def test_a_mirror_chain(device: Device) -> None:
@@ -508,23 +385,6 @@ def test_index_1_changes_nothing(device: Device) -> None:
         assert (np.abs(one.rgb8.astype(int) - two.rgb8).max(axis=2) > 1).mean() <= 2e-3
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("index", [1.0, 1.5])
-def test_glass_that_rays_graze(device: Device, index: float) -> None:
-    """Rays that pass at r (1 +/- 2^-50 .. 2^-56): n.d is noise. What enters leaves, as the reference says, too."""
-    rng = np.random.default_rng(3)
-    camera, scale = eye(4, tan=6, size=(23, 17)), rng.uniform(0.5, 2, 90)
-    balls = aimed(camera, 5 * scale, scale, limbs(50, 56, 90, rng), rng)
-    scene = glowing(camera, balls, A, transmittance=0.5, index=index)
-    image, world = drawn(scene, device), world_of(scene)
-    said = [trace(world, primary_ray(camera, i % 23, i // 23))[0] for i in range(23 * 17)]
-    assert np.array_equal(channel(image, "color"), np.array(said, np.float32))
-    assert (image.id >= 0).any()
-    if index == 1:
-        # Each ball is met twice, and each time half of the rest shows its red of 1; the sixth wall is the last.
-        assert np.isin(channel(image, "color")[:, 0], [0.25, 1 - 0.75 / 4, 1 - 0.75 / 16, 1]).all()
-
-
 def test_exactly_tangent_rays(device: Device) -> None:
     """Where n.d is 0, a ray meets glass once. With index 1 it goes on, with 3/4 it is mirrored: straight on.
 
@@ -660,85 +520,54 @@ def test_what_is_within_a_ball_that_glass_lets_rays_into(device: Device) -> None
     assert (show(scene, device) == total([(1.0, B)])).all()
 
 
-def test_glass_in_a_room(device: Device) -> None:
-    """Opaque outside, glass within, a stone in the glass: what the walls hide is what is beyond them, nothing else."""
-    balls = [((0, 0, 0), 10), ((0, 0, -5), 2), ((0, 0, -5), 1), ((0, 0, -50), 3)]
-    scene = glowing(eye(9, size=(1, 1)), balls, [WHITE, A, B, RED], transmittance=[0, 0.5, 0, 0], index=1.5)
-    assert (show(scene, device) == total([(0.5, A), (0.5, B)])).all()
-
-
 # -------------------------------------------------------------------------------------------------- leaks and self-hits
 
 
-def places(R: float) -> Iterable[np.ndarray]:
-    """Centres near, at a radius from and far from the origin."""
-    for far in (0.0, 1.0, 1e3):
-        yield far * R * np.array([1, -1, 1.0])
-
-
-def check_lone_balls(device: Device, side: int) -> int:
-    """Rays from a lone ball: all that it mirrors is night; all that enters leaves after one wall more."""
-    rays = 0
-    for exponent in range(-3, 8):
+def sizes_and_places() -> Iterable[tuple[float, np.ndarray]]:
+    """Radii, and centres near, at a radius from and far from the origin."""
+    for exponent, far in itertools.product(range(-3, 8), (0.0, 1.0, 1e3)):
         R = float(np.float32(10.0**exponent))
-        for C in places(R):
-            camera = replace(looking((C + (0, 0, 3 * R)).tolist(), 0.34, (side, side)), max_bounces=8)
-            mirror = show(glowing(camera, [(C, R)], RED, BLUE, reflectance=1), device)
-            assert (mirror == BLUE).all(), (R, C)
-            for index in (1.5, 1.0, 0.9375):
-                image = drawn(glowing(camera, [(C, R)], RED, BLUE, transmittance=0.5, index=index), device)
-                hit, color = image.id.ravel() == 0, channel(image, "color")
-                # Half from the first wall, a quarter from the second; beyond index 15/16 of R a ray is all mirrored.
-                entered = (color == (0.75, 0, 0.25)).all(axis=1)
-                grazed = (color == (0.5, 0, 0.5)).all(axis=1)
-                assert (color[~hit] == BLUE).all()
-                assert (entered | grazed)[hit].all(), (R, C, index)
-                assert index < 1 or not grazed.any(), (R, C, index)
-                rays += 3 * int(hit.sum())
-    return rays
+        yield R, far * R * np.array([1, -1, 1.0])
+
+
+def check_lone_balls(device: Device, side: int) -> None:
+    """Rays from a lone ball: all that it mirrors is night; all that enters leaves after one wall more."""
+    for R, C in sizes_and_places():
+        camera = replace(looking((C + (0, 0, 3 * R)).tolist(), 0.34, (side, side)), max_bounces=8)
+        assert (show(glowing(camera, [(C, R)], RED, BLUE, reflectance=1), device) == BLUE).all(), (R, C)
+        for index in (1.5, 1.0, 0.9375):
+            image = drawn(glowing(camera, [(C, R)], RED, BLUE, transmittance=0.5, index=index), device)
+            hit, color = image.id.ravel() == 0, channel(image, "color")
+            # Half from the first wall, a quarter from the second; beyond index 15/16 of R a ray is all mirrored.
+            entered, grazed = ((color == of).all(axis=1) for of in ((0.75, 0, 0.25), (0.5, 0, 0.5)))
+            assert hit.sum() > 0.1 * side**2
+            assert (color[~hit] == BLUE).all()
+            assert (entered | grazed)[hit].all(), (R, C, index)
+            assert index < 1 or not grazed.any(), (R, C, index)
+
+
+def check_closed_rooms(device: Device, side: int, bounces: int) -> None:
+    """Rays within a mirror, and between a mirror and a shell around it that is larger by g or by an ulp, stay there."""
+    for R, C in sizes_and_places():
+        rooms = [([(C, R)], C + (0.3 * R, 0.2 * R, -0.1 * R))]
+        gaps = () if C.any() else (1e-2, 1e-4, 1e-6)
+        rooms += [([(C, R), (C, R * (1 + g))], C + (0, 0, R * (1 + g / 2))) for g in gaps]
+        for (balls, at), r in itertools.product(rooms, (1.0, 0.75)):
+            camera = replace(looking(at.tolist(), 2, (side, side)), max_bounces=bounces)
+            color = show(glowing(camera, balls, GREEN, RED, reflectance=r), device)
+            assert (color[:, 0] == 0).all(), (R, C, len(balls), r)
+            assert np.abs(color[:, 1] - 1).max() <= 2.0**-23, (R, C, len(balls), r)
 
 
 def test_no_self_hits(device: Device) -> None:
-    assert check_lone_balls(device, 20) > 60_000
-
-
-def check_closed_rooms(device: Device, side: int, bounces: int) -> int:
-    """Rays within a mirror, and between a mirror and a shell around it that is larger by g or by an ulp, stay there."""
-    rays = 0
-    for exponent in range(-3, 8):
-        R = float(np.float32(10.0**exponent))
-        for C in places(R):
-            gaps = (1e-2, 1e-4, 1e-6) if not C.any() else ()
-            rooms = [([(C, R)], C + (0.3 * R, 0.2 * R, -0.1 * R))]
-            rooms += [([(C, R), (C, R * (1 + g))], C + (0, 0, R * (1 + g / 2))) for g in gaps]
-            for balls, at in rooms:
-                camera = replace(looking(at.tolist(), 2, (side, side)), max_bounces=bounces)
-                for r, t in ((1.0, 0.0), (0.75, 0.0)):
-                    color = show(glowing(camera, balls, GREEN, RED, reflectance=r, transmittance=t), device)
-                    assert (color[:, 0] == 0).all(), (R, C, len(balls), r)
-                    assert np.abs(color[:, 1] - 1).max() <= 2.0**-23, (R, C, len(balls), r)
-                    rays += len(color) * (bounces + 2)
-    return rays
+    check_lone_balls(device, 20)
 
 
 def test_no_leaks(device: Device) -> None:
-    assert check_closed_rooms(device, 6, 30) > 100_000
+    check_closed_rooms(device, 6, 30)
 
 
 @pytest.mark.stress
 def test_no_self_hits_and_no_leaks_in_ten_million_rays(device: Device) -> None:
-    assert check_lone_balls(device, 230) + check_closed_rooms(device, 60, 60) > 20_000_000
-
-
-def test_no_leak_between_balls_an_ulp_apart(device: Device) -> None:
-    """Mirror within, glass around it, larger by an ulp of double: rays go in and out of a gap that has no double."""
-    inner, outer = 1.0, math.nextafter(1.0, 2)
-    camera = eye(6, at=(0, 0, 3), tan=0.36, size=(40, 30))
-    image = drawn(
-        glowing(camera, [((0, 0, 0), inner), ((0, 0, 0), outer)], [BLACK, GREEN], RED, reflectance=[1, 0],
-                transmittance=[0, 0.5], index=1), device)  # fmt: skip
-    color, hit = channel(image, "color"), image.id.ravel() >= 0
-    assert (image.id.ravel()[hit] == 1).all()
-    # Green from outside 1/2, the mirror passes all, green from inside 1/4, and 1/4 of the night; at the rim, where rays
-    # may meet the shell alone, the same without the mirror.
-    assert (color[hit] == (0.25, 0.75, 0)).all()
+    check_lone_balls(device, 230)
+    check_closed_rooms(device, 60, 60)

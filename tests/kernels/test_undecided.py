@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hostile import bounced_pictures, mesh_regimes, rod_pictures
+from hostile import bounced_regimes, cylinder_regimes, mesh_regimes
 from hostile.sphere_regimes import EDGES, REGIMES
 from stress_cases import channel, picture
 
@@ -22,8 +22,8 @@ SCENES: dict[str, Scene] = {
     "ties": dict(REGIMES + EDGES)["ties"](1, SIZE),
     "corners on rays": mesh_regimes.scene_of("corners on rays", 1, SIZE),
     "fans all but in planes": mesh_regimes.scene_of("fans all but in planes", 1, SIZE),
-    "edges": rod_pictures.lit_of("edges", 1, SIZE),
-    "touching exactly": next(bounced_pictures.scenes_of("touching exactly", 1, SIZE, 1)),
+    "edges": cylinder_regimes.lit_of("edges", 1, SIZE),
+    "touching exactly": next(bounced_regimes.scenes_of("touching exactly", 1, SIZE, 1)),
 }
 
 

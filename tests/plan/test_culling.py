@@ -206,7 +206,7 @@ def test_the_eye_inside_by_less_than_a_rounding(device: Device) -> None:
 
 
 # These change the plan's arrays only, so no program has to be compiled for them. What mirrors and glass need is in
-# tests/kernels/test_tree.py.
+# tests/kernels/test_invariance.py.
 PACKED = ("lists", "lights", "hidden", "receivers", "unstopped", "order")
 
 

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hostile.mesh_regimes import REGIMES, icosphere, scene_of
+from hostile.mesh_regimes import REGIMES, round_mesh, scene_of
 from hostile.sphere_regimes import rays as camera_rays
 from rational_meshes import doubles_mesh, grid_mesh
 
@@ -148,7 +148,7 @@ def extreme_numbers() -> Case:
 
 def along_edges() -> Case:
     """In the planes of faces, along their edges, and through corners, where no double decides."""
-    vertices, faces = icosphere(2)
+    vertices, faces = round_mesh(2)
     scene, rng = Scene.from_meshes(CAMERA, (), Mesh(vertices, faces)), np.random.default_rng(3)
     a, b, c = vertices[faces[rng.integers(len(faces), size=200)]].swapaxes(0, 1)
     o = a - (b - a) * rng.choice([0, 1, 2, -0.5], (200, 1))
@@ -159,7 +159,7 @@ def on_a_ground() -> Case:
     """A ground sphere under a cloud and a terrain: what a tree of boxes finds is all that there is."""
     rng = np.random.default_rng(10)
     centers = np.vstack([[(0, -1e5, 0)], rng.uniform(-1, 1, (3000, 3)) + (0, 1, 0)])
-    vertices, faces = icosphere(3)
+    vertices, faces = round_mesh(3)
     ball = Mesh(vertices * 0.5 + (0.2, 1, 0.1), faces)
     scene = Scene.from_spheres(CAMERA, (), centers, np.append(1e5, rng.uniform(0.005, 0.05, 3000)), meshes=[ball])
     d = np.vstack([rng.normal(size=(150, 3)) * (0.2, 0.2, 0) + (0, -0.1, -1), rng.normal(size=(50, 3))])
@@ -229,7 +229,7 @@ def all_shapes(seed: int) -> Scene:
     """Spheres, ellipsoids, cylinders and a mesh, in and through each other."""
     rng = np.random.default_rng(seed)
     maps = np.array([*[np.eye(3)] * 30, *(rng.normal(size=(10, 3, 3)) + 2 * np.eye(3))])
-    vertices, faces = icosphere(2)
+    vertices, faces = round_mesh(2)
     ends = rng.uniform(-1, 1, (2, 20, 3))
     scene = Scene.from_spheres(
         CAMERA,
@@ -415,7 +415,7 @@ def test_the_rim_of_a_cylinder_is_its_end() -> None:
 
 def test_a_closed_mesh_has_no_hole() -> None:
     """From within: through corners, points of edges, and an ulp beside them, all of them doubles."""
-    vertices, faces = icosphere(3)
+    vertices, faces = round_mesh(3)
     scene, rng = Scene.from_meshes(CAMERA, (), Mesh(vertices, faces)), np.random.default_rng(8)
     at = vertices[rng.integers(len(vertices), size=4000)]
     edge = vertices[faces[rng.integers(len(faces), size=4000)]][:, :2].sum(axis=1) / 2

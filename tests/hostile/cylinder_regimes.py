@@ -1,4 +1,4 @@
-"""Hostile pictures of cylinders, with spheres and triangles, and what the exact oracle says of them.
+"""The hostile regimes of cylinders, some with spheres.
 
 REGIMES has functions of a generator: the cylinders and what else is there, an eye, a place to look at, and half of the
 picture's angle. All are seen by a camera without square pixels, from rays that B^T d are, exactly.
@@ -11,14 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from surface_rays import blocked, from_eye, on_hits, to_light
 
-from cltrace.oracle.scenes import kinds_of
-from cltrace.oracle.search import Kinds
-from cltrace.oracle.shapes import Cylinders, Spheres
-from cltrace.picture.image import Image
-from cltrace.scene import PARALLEL, Camera, Scene, parallel_light, point_light
-from hostile.sphere_regimes import rays as camera_rays
+from cltrace.scene import Camera, Scene, parallel_light, point_light
 
 Floats = NDArray[np.float64]
 
@@ -225,44 +219,3 @@ def lit_of(name: str, seed: int, size: tuple[int, int]) -> Scene:
     at = other["end"] + rng.choice([0, 1]) * rng.normal(size=3) * other["radius"]
     points = [point_light(near, (1, 0, 0)), point_light(at, (0, 0.5, 0))]
     return scene.lit_by([*points, parallel_light(rng.normal(size=3), (0, 0, 1)), parallel_light(axis, (0, 0.4, 0.01))])
-
-
-def first_hits(scene: Scene) -> tuple[NDArray[np.int64], Floats]:
-    """The number of the surface that each pixel's ray meets first, -1 for none, and how far away that is."""
-    kinds, d = kinds_of(scene), camera_rays(scene.camera)
-    rays = from_eye(scene, d)
-    found = kinds.closest(rays)
-    return np.append(kinds.surface, -1)[found.item], kinds.rounded(rays, found) * np.sqrt((d * d).sum(axis=1))
-
-
-def wrong_pixels(scene: Scene, ids: NDArray[np.int32], depth: Floats) -> int:
-    """How many pixels of a picture have another number, or a depth that is off by more than 1e-7 of itself."""
-    number, far = first_hits(scene)
-    wrong, met = ids.ravel() != number, number >= 0
-    wrong[met] |= np.abs(depth.ravel()[met] / far[met] - 1) > 1e-7
-    return int(wrong.sum())
-
-
-def wrong_shadows(scene: Scene, image: Image) -> tuple[int, int]:
-    """Of a picture of balls and cylinders in one light, with color, id and normal: how many pixels show one of these,
-    and how many of them are dark where the oracle says that nothing is between, or lit where something is.
-
-    Where light comes along the surface, to 1e-6, whether it faces the light is not asked.
-    """
-    kinds, light = Kinds([Spheres.of(scene), Cylinders.of(scene)]), scene.lamps[0]
-    basis, parallel = np.array(scene.camera.basis()), bool(light["kind"] == PARALLEL)
-    place = light["direction" if parallel else "position"]
-    d, lit = camera_rays(scene.camera), np.asarray(image.color.reshape(-1, 3).any(axis=1))
-    rays = from_eye(scene, d)
-    found = kinds.closest(rays)
-    far = np.where(found.item >= 0, kinds.rounded(rays, found), 0)
-    towards = np.broadcast_to(-place, d.shape) if parallel else place - scene.camera.position - far[:, None] * d @ basis
-    faces = (image.normal.reshape(-1, 3) * towards).sum(axis=1) / np.linalg.norm(towards, axis=1)
-    asked = wrong = 0
-    for kind, first in zip(kinds.kinds, kinds.first, strict=False):
-        its = (found.item >= first) & (found.item < first + len(kind.surface))
-        rows = np.flatnonzero(its & (np.abs(faces) > 1e-6))
-        shadow = to_light(on_hits(rays, rows, kind, found.item[rows] - first), place, parallel)
-        wrong += int((lit[rows] != ((faces[rows] > 0) & ~blocked(kinds, shadow))).sum())
-        asked += len(rows)
-    return asked, wrong
