@@ -35,9 +35,8 @@ class Report:
 
     pixels: how many were compared, of how many; wrong_ids, differing, off_by_more: numbers of pixels; rounded: how many
     of those that differ do so by ROUNDING; largest, rms: error of the bytes of a channel, in levels; where: the pixels
-    (x, y) that break the contract, or would if they were more, the worst first; spheres, triangles, lights: how many
-    the scene has, ambient lights aside; seconds: what the reference took; shrunk: whether there are so many that it is
-    fewer pixels than usual; ok: whether all is within the contract of that precision.
+    (x, y) that break the contract, or would if they were more, the worst first; shrunk: why there are fewer pixels than
+    usual, "" if there are not; ok: whether all is within the contract of that precision.
     """
 
     precision: str
@@ -50,11 +49,7 @@ class Report:
     largest: int
     rms: float
     where: list[tuple[int, int]]
-    spheres: int
-    triangles: int
-    lights: int
-    seconds: float
-    shrunk: bool
+    shrunk: str
 
     @property
     def ok(self) -> bool:
@@ -75,13 +70,7 @@ class Report:
             f"error at most {self.largest} levels, RMS {self.rms:.2g}"
         ]
         if self.shrunk:
-            counts = {"sphere": self.spheres, "triangle": self.triangles, "light": self.lights}
-            scene = " and ".join(f"{count:,} {name}{'s' * (count > 1)}" for name, count in counts.items() if count)
-            pace = f"{1e3 * self.seconds / self.pixels:,.1f} ms a pixel for {scene}"
-            pixels = "pixel was" if self.pixels == 1 else "pixels were"
-            lines.append(
-                f"only {self.pixels} {pixels} compared, as the reference takes {pace}; --check=N compares more"
-            )
+            lines.append(self.shrunk)
         if self.where:
             lines.append("at pixels " + ", ".join(f"({x}, {y})" for x, y in self.where))
         return "\n".join(lines)
@@ -108,15 +97,18 @@ def sample(index: NDArray[np.int32], pixels: int) -> NDArray[np.intp]:
     return np.sort(np.concatenate([order[:edges], order[rest[: pixels - edges]]]))
 
 
-def _lights(scene: Scene) -> int:
-    """How many lights send shadow rays."""
-    return int((scene.lamps["kind"] != AMBIENT).sum())
-
-
-def _affordable(scene: Scene) -> int:
-    """How many pixels take DEFAULT_TESTS, one at least."""
+def _affordable(scene: Scene, lights: int) -> int:
+    """How many pixels take DEFAULT_TESTS, one at least. lights: that send shadow rays."""
     surfaces = len(scene.columns) + len(scene.cylinders) + scene.triangles // TRIANGLES
-    return max(1, DEFAULT_TESTS // ((1 + _lights(scene)) * (RAY + surfaces)))
+    return max(1, DEFAULT_TESTS // ((1 + lights) * (RAY + surfaces)))
+
+
+def _shrunk(scene: Scene, lights: int, pixels: int, seconds: float) -> str:
+    """What the reference took, in words."""
+    counts = {"sphere": len(scene.columns), "triangle": scene.triangles, "light": lights}
+    many = " and ".join(f"{count:,} {name}{'s' * (count > 1)}" for name, count in counts.items() if count)
+    told = f"only {pixels} {'pixel was' if pixels == 1 else 'pixels were'} compared, as the reference takes"
+    return f"{told} {1e3 * seconds / pixels:,.1f} ms a pixel for {many}; --check=N compares more"
 
 
 def _traced(
@@ -155,13 +147,15 @@ def check(
         raise ValueError(f"check: the image has {size[0]}x{size[1]} pixels, the camera {full[0]}x{full[1]}; see origin")
     if pixels is not None and pixels < 1:
         raise ValueError(f"pixels: must be at least 1, got {pixels!r}")
-    affordable = _affordable(scene)
+    lights = int((scene.lamps["kind"] != AMBIENT).sum())
+    affordable = _affordable(scene, lights)
     chosen = sample(image.id, min(DEFAULT_PIXELS, affordable) if pixels is None else pixels)
     start = time.perf_counter()
     x0, y0 = origin or (0, 0)
     places = [(x0 + flat % size[0], y0 + flat // size[0]) for flat in chosen.tolist()]
     colors, ids = _traced(scene, places, progress)
     seconds = time.perf_counter() - start
+    is_shrunk = pixels is None and affordable < min(DEFAULT_PIXELS, image.id.size)
     wrong = ids != image.id.ravel()[chosen]
     levels = 255 * colors.clip(0, 1) + (0.0 if truncate else 0.5)
     drawn = image.rgb8.reshape(-1, 3)[chosen].astype(np.int64)
@@ -182,9 +176,5 @@ def check(
         largest=int(error.max(initial=0)),
         rms=float(np.sqrt(np.mean(np.square(errors, dtype=np.float64)))) if len(chosen) else 0.0,
         where=[places[i] for i in worst],
-        spheres=len(scene.columns),
-        triangles=scene.triangles,
-        lights=_lights(scene),
-        seconds=seconds,
-        shrunk=pixels is None and affordable < min(DEFAULT_PIXELS, image.id.size),
+        shrunk=_shrunk(scene, lights, len(chosen), seconds) if is_shrunk else "",
     )
