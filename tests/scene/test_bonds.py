@@ -6,7 +6,6 @@ import pickle
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 import cltrace
 from cltrace import Camera, Material, Scene, ambient_light
@@ -109,46 +108,3 @@ def test_any_rays_meet_cylinders_as_the_oracle_says() -> None:
     met = hits.id >= 3
     assert met.sum() > 200
     assert np.allclose(np.linalg.norm(hits.normal[met], axis=1), 1)
-
-
-WRONG = [
-    ({"bond_radius": 1}, "bond_radius: goes with bonds"),
-    ({"bonds": [(0, 1)]}, "bond_radius: must be given"),
-    ({"bonds": [(0, 3)], "bond_radius": 1}, r"bonds\[0\]\[1\]: must be the index of one of 3 centers, got 3"),
-    ({"bonds": [(0, 0.5)], "bond_radius": 1}, r"bonds\[0\]\[1\]"),
-    ({"bonds": [(1, 1)], "bond_radius": 1}, r"bonds\[0\]: must be two different centers"),
-    ({"bonds": [(0, 1), (1, 2), (1, 0)]}, r"bonds\[2\]: must be once, but 1 and 0 are joined by bonds\[0\], too$"),
-    ({"bonds": [(0, 1), (0, 1)], "box": (9, 9, 9)}, r"bonds\[1\]: must be once, .*, too, of which one can lead to the"),
-    ({"bonds": [0, 1], "bond_radius": 1}, r"bonds: must have shape \(k, 2\)"),
-    ({"bonds": [(0, 1)], "bond_radius": 0}, "bond_radius: must be > 0"),
-    ({"bonds": [(0, 1)], "bond_radius": [1, 2]}, "bond_radius: must have shape"),
-    ({"bonds": [(0, 1)], "bond_radius": 1, "bond_colors": [(1, 1, 1)] * 3}, "bond_colors: must have shape"),
-    ({"bonds": [(0, 1)], "bond_radius": 1, "box": (1, 2)}, "box: must be 3 lengths"),
-    ({"bonds": [(0, 1)], "bond_radius": 1, "box": [(1, 0, 0), (2, 0, 0), (0, 0, 1)]}, "box: must not be flat"),
-]
-
-
-@pytest.mark.parametrize(("how", "fault"), WRONG)
-def test_wrong_bonds(how: dict[str, object], fault: str) -> None:
-    with pytest.raises(ValueError, match=fault):
-        balls(**how)
-
-
-@pytest.mark.parametrize(
-    ("given", "fault"),
-    [
-        (([(0, 0, 0)], [(0, 0, 0)], 1), r"ends\[0\]: must not be the start"),
-        (([(0, 0, 0)], [(0, 0, 1), (1, 1, 1)], 1), "ends: must be as many as starts"),
-        (([(0, 0, 0)], [(0, 0, 1)], -1), "radius: must be > 0"),
-        (([(0, 0, 0)], [(0, 0, np.nan)], 1), r"ends\[0\]\[2\]"),
-        (([(0, 0, 0)], [(0, 0, 1)], 1, [(1, 1, 1)] * 2), "colors: must have shape"),
-    ],
-)
-def test_wrong_cylinders(given: tuple[object, ...], fault: str) -> None:
-    with pytest.raises(ValueError, match=fault):
-        balls().with_cylinders(*given)  # type: ignore[arg-type]
-
-
-def test_spheres_at_one_place_cannot_be_bound() -> None:
-    with pytest.raises(ValueError, match=r"bonds\[0\]"):
-        Scene.from_spheres(CAMERA, (), [(0, 0, 0)] * 2, 1, bonds=[(0, 1)], bond_radius=1)

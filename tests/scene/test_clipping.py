@@ -12,7 +12,7 @@ from solids import box
 
 import cltrace
 from cltrace import Camera, Material, Mesh, Scene, ambient_light
-from cltrace.scene import PLANE, with_spheres
+from cltrace.scene import with_spheres
 
 CAMERA = Camera((0, 0, 9), (0, 0, 0), (0, 1, 0), 30, (64, 48))
 # In front of z = 0, cut by it, touching it from behind, and behind it.
@@ -149,33 +149,3 @@ def test_a_renderer_follows_what_is_painted_moved_and_clipped() -> None:
     assert (other.render().primitive == -3).any()
     whole = renderer.following(balls())
     assert np.array_equal(whole.render().rgb8, cltrace.render(balls()).rgb8)
-
-
-PLANE_ = np.zeros(1, PLANE)
-PLANE_["normal"] = 1
-
-
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: balls().clipped((0, 0), (0, 0, 1)), r"point: must have shape \(3,\)"),
-        (lambda: balls().clipped((0, 0, 0), (0, 0, 0)), "normal: must not be 0"),
-        (lambda: balls().clipped((0, 0, np.nan), (0, 0, 1)), r"point\[2\]: must be a finite number"),
-        (lambda: balls().clipped((0, 0, 0), (0, 0, 1), (-1, 0, 0)), r"cap_color\[0\]: must be >= 0"),
-        (lambda: balls().clipped((0, 0, 0), (0, 0, 1), [[(1, 0, 0), (0, 1, 0)]]), "cap_color: must be one colour"),
-        (lambda: _made(normal=0), r"planes\.normal\[0\]: must be not 0"),
-        (lambda: _made(material=9), r"planes\.material\[0\]: must be -1 or the index of a material, got 9"),
-        (lambda: _made(np.tile(PLANE_, 257)), "planes: must be at most 256, got 257"),
-    ],
-)
-def test_what_is_refused(call: Any, words: str) -> None:
-    with pytest.raises(ValueError, match=f"^{words}"):
-        call()
-
-
-def _made(planes: Any = PLANE_, **values: float) -> Scene:
-    given = planes.copy()
-    for name, value in values.items():
-        given[name] = value
-    scene = balls()
-    return Scene(scene.camera, scene.lights, scene.spheres, scene.materials, planes=given)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import pickle
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -168,38 +167,3 @@ def test_the_lamp_of_the_studio_shines_on_the_scene_from_the_upper_left() -> Non
     assert towards[2] > 0
     normal = np.cross(*lamp["edges"])
     assert normal @ towards == pytest.approx(-np.linalg.norm(normal) * np.linalg.norm(towards))
-
-
-FAULTS: list[tuple[Callable[[], object], str]] = [
-    (lambda: cltrace.sky_light((200, 3, 4)), r"light.color: .*divide by 255"),
-    (lambda: cltrace.sky_light(COLOR, (1, 0)), r"light.up: must be 3 numbers, got \(1, 0\)"),
-    (lambda: cltrace.sky_light(COLOR, (0, 1, 0), (0, 0, 200)), r"light.below: .*divide by 255"),
-    (lambda: cltrace.sky_light(COLOR, below=COLOR), r"light.below: goes with up, which is not given"),
-    (lambda: cltrace.sky_light(COLOR, directions=0), r"light.directions: must be a whole number within 1..1024, got 0"),
-    (lambda: cltrace.sun_light((1, 0)), r"light.direction: must be 3 numbers"),
-    (
-        lambda: cltrace.sun_light((0, 0, 1), COLOR, directions=1025),
-        r"light.directions: .* got 1025; --limit lights=N or CLTRACE_LIMITS allows more$",
-    ),
-    (lambda: cltrace.panel_light((0, 0, 0), COLOR, (1, 0), (0, 1, 0)), r"light.across: must be 3 numbers"),
-    (lambda: scene([cltrace.sky_light(COLOR, (0, 0, 0))]), r"lights.direction\[0\]: must not be 0"),
-    (lambda: scene([cltrace.sun_light((0, 0, 1), COLOR, 181)]), r"lights.alpha2\[0\]: must be within \[0, 180\]"),
-    (lambda: scene([cltrace.ball_light((0, 0, 0), COLOR, 0)]), r"lights.radius\[0\]: must be > 0, got 0"),
-    (lambda: scene([cltrace.ball_light((3e38, 0, 0), COLOR, 3e38)]), r"lights.position\[0\]: .* exceed 3.4e38"),
-    (
-        lambda: scene([cltrace.panel_light((0, 0, 0), COLOR, (1, 0, 0), (2, 0, 0))]),
-        r"lights.edges\[0\]: must not be along one line",
-    ),
-    (
-        lambda: scene([cltrace.sky_light(COLOR, directions=1000), cltrace.sky_light(COLOR, directions=25)]),
-        r"lights: must be at most 1024 with all members of soft lights, got 1025; --limit lights=N or CLTRACE_LIMITS "
-        "allows more$",
-    ),
-    (lambda: scene("stdio"), r"lights: must be one of studio, flat, sky, rim, or a list of lights, got 'stdio'"),
-]
-
-
-@pytest.mark.parametrize(("made", "fault"), FAULTS)
-def test_faults_name_the_argument(made: Callable[[], object], fault: str) -> None:
-    with pytest.raises(ValueError, match=f"^{fault}"):
-        made()

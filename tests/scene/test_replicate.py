@@ -104,31 +104,3 @@ def test_bonds_lead_to_the_nearest_of_all_images(box: object) -> None:
     least = np.linalg.norm((places[1::2] - places[::2])[:, None] + steps, axis=2).min(axis=1)
     halves = scene.cylinders["end"] - scene.cylinders["start"]
     assert np.allclose(np.linalg.norm(halves, axis=1), np.repeat(least, 2) / 2)
-
-
-@pytest.mark.parametrize(
-    ("offsets", "fault"),
-    [
-        ((1, 2, 3), r"offsets: must have shape \(n, 3\)"),
-        ([(0, 0, np.nan)], r"offsets\[0\]\[2\]"),
-        ([(1e200, 0, 0)], "offsets"),
-    ],
-)
-def test_wrong_offsets(offsets: object, fault: str) -> None:
-    with pytest.raises(ValueError, match=fault):
-        crystal().replicate(offsets)  # type: ignore[arg-type]
-
-
-def test_too_many_images() -> None:
-    with pytest.raises(ValueError, match="offsets: must make at most 16777216 cylinders, got 5000000 times 4"):
-        crystal().replicate(np.zeros((5_000_000, 3)))
-    with pytest.raises(ValueError, match="counts: must be at most 16777216 boxes in all, got 1e\\+18"):
-        cltrace.box_images(BOX, (10**6, 10**6, 10**6))
-    with pytest.raises(ValueError, match="box: is too flat for bonds that are"):
-        crystal(box=[(1, 0, 0), (30, 1, 0), (0, 30, 1)])
-
-
-@pytest.mark.parametrize("counts", [(2, 2), (0, 1, 1), (1, 1, 1.5), 2])
-def test_wrong_counts(counts: object) -> None:
-    with pytest.raises(ValueError, match="counts: must be 3 whole numbers of at least 1, got"):
-        cltrace.box_images((1, 1, 1), counts)  # type: ignore[arg-type]

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from cltrace import Camera, Material, Mesh, Scene, ambient_light
-from cltrace.base.limits import MAX_TEXELS
-from cltrace.scene import MATERIAL, SPHERE, Geometry, PlacedMesh, materials, meshes, texels
+from cltrace.scene import MATERIAL, SPHERE, Geometry, PlacedMesh
 
 V = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1.0)])
 F = np.array([(0, 1, 2), (0, 2, 3), (3, 2, 1)])
@@ -190,100 +189,3 @@ def test_what_is_placed_shares_what_is_worked_out() -> None:
     one, two = Scene.from_meshes(Camera(), LIGHTS, [mesh, mesh]).meshes
     assert one.vertices is two.vertices
     assert (one.number, two.number) == (0, 1)
-
-
-# --- What is refused
-
-PLACED = PlacedMesh(SHAPE)
-NO_SPHERES, NO_MATERIALS = np.zeros(0, SPHERE), np.zeros(0, MATERIAL)
-
-
-def scene_with(*placed: Any, textures: Any = (), texture: int = -1) -> Scene:
-    shade = np.zeros(1, MATERIAL)
-    shade["texture"] = texture
-    return Scene(Camera(), [], NO_SPHERES, shade, meshes=placed, textures=textures)
-
-
-REFUSED: list[tuple[Any, str]] = [
-    (lambda: Geometry(V, [(0, 1, 4)]), "mesh.faces[0][2]: must be the index of a vertex, of which there are 4, got 4"),
-    (
-        lambda: Geometry(V, F, V, [(0, 1, 2), (0, -1, 1), (0, 0, 0)]),
-        "mesh.normal_of[1]: must be -1 for all three corners or for none",
-    ),
-    (
-        lambda: Geometry(V, F, V, [(0, 1, 2)] * 2 + [(4, 0, 0)]),
-        "mesh.normal_of[2][0]: must be the index of a normal, of which there are 4, got 4",
-    ),
-    (
-        lambda: Geometry(V, F, uv=V[:, :2], uv_of=[(0, 1, -2)] * 3),
-        "mesh.uv_of[0][2]: must be the index of uv, of which there are 4, got -2",
-    ),
-    (lambda: Geometry(V, F, uv=V), "mesh.uv: must have shape (n, 2), got (4, 3)"),
-    (lambda: PlacedMesh(V), "mesh.geometry: must be a cltrace.scene.Geometry, got an array of float64, shape (4, 3)"),
-    (lambda: PlacedMesh(SHAPE, np.eye(3)), "mesh.to_world: must have shape (3, 4), got (3, 3)"),
-    (lambda: PlacedMesh(SHAPE, np.zeros((3, 4))), "mesh.to_world: must not be singular"),
-    (
-        lambda: PlacedMesh(SHAPE, np.diag([1e-30, 1, 1, 0])[:3] * 1e-10),
-        "mesh.to_world: its inverse must not exceed 3.4e38 in magnitude, got 1e+40",
-    ),
-    (lambda: PlacedMesh(SHAPE, material=-1), "mesh.material: must be an integer within 0..2147483647, got -1"),
-    (lambda: PlacedMesh(SHAPE, number=1.5), "mesh.number: must be an integer within 0..2147483647, got 1.5"),
-    (
-        lambda: PlacedMesh(Geometry(V * 3e38, F), np.diag([1, 2.0, 1, 0])[:3]),
-        "mesh.to_world: in the world, vertices[2][1]: must not exceed 3.4e38 in magnitude, got 6e+38",
-    ),
-    (
-        lambda: scene_with(Mesh(V, F)),
-        "meshes[0]: must be a cltrace.scene.PlacedMesh, got <cltrace.Mesh...s, 4 vertices>; "
-        "Scene.from_meshes() takes each cltrace.Mesh",
-    ),
-    (
-        lambda: scene_with(PLACED, PlacedMesh(SHAPE, material=1, number=1)),
-        "meshes[1].material: must be the index of a material, got 1",
-    ),
-    (lambda: scene_with(PLACED, PLACED), "meshes[1].number: must be greater than that of the mesh before, got 0"),
-    (lambda: scene_with(texture=0), "materials.texture[0]: must be -1 or the index of one of textures, got 0"),
-    (lambda: scene_with(textures=5), "textures: must be a list of arrays, got 5"),
-    (
-        lambda: scene_with(textures=[TEXTURE, np.zeros((2, 2))]),
-        "textures[1]: must be an array of uint8 or uint16, got an array of float64, shape (2, 2)",
-    ),
-    (lambda: Scene.from_meshes(Camera(), LIGHTS, 5), "meshes: must be a list of cltrace.Mesh, got 5"),
-    (lambda: Scene.from_meshes(Camera(), LIGHTS, [5]), "meshes[0]: must be a cltrace.Mesh, got 5; Mesh.of() makes one"),
-]
-
-
-@pytest.mark.parametrize("number", range(len(REFUSED)))
-def test_refused(number: int) -> None:
-    call, message = REFUSED[number]
-    with pytest.raises((ValueError, TypeError)) as caught:
-        call()
-    assert str(caught.value) == message
-
-
-def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
-    placed = [PlacedMesh(SHAPE, number=i) for i in range(3)]
-    for name, most, message in (
-        ("MAX_MESHES", 2, "meshes: must be at most 2, got 3"),
-        ("MAX_TRIANGLES", 8, "meshes: must be at most 8 triangles in all, got 9"),
-        ("MAX_VERTICES", 11, "meshes: must be at most 11 vertices in all, got 12"),
-    ):
-        with monkeypatch.context() as patch:
-            patch.setattr(meshes, name, most)
-            assert len(scene_with(*placed[:2]).meshes) == 2
-            for make in (lambda: scene_with(*placed), lambda: Scene.from_meshes(Camera(), [], [Mesh(V, F)] * 3)):
-                with pytest.raises(ValueError) as caught:
-                    make()
-                assert str(caught.value) == message
-    monkeypatch.setattr(materials, "MAX_TEXELS", 7)
-    shades = [Material(texture=TEXTURE), Material(texture=TEXTURE)]
-    for make in (
-        lambda: scene_with(textures=[TEXTURE, TEXTURE]),
-        lambda: Scene.from_meshes(Camera(), [], [Mesh(V, F, material=shade) for shade in shades]),
-    ):
-        with pytest.raises(ValueError, match=r"^textures: must be at most 7 pixels in all, got 8$"):
-            make()
-    assert len(Scene.from_meshes(Camera(), [], [Mesh(V, F, material=shades[0])] * 3).textures) == 1
-    with pytest.raises(ValueError, match=r"^x: must have 1 to 7 pixels, got 4 x 2$"):
-        texels("x", np.zeros((4, 2), np.uint8))
-    assert MAX_TEXELS > 10**8
