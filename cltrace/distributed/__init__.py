@@ -18,7 +18,7 @@ from concurrent.futures import CancelledError
 from contextlib import closing
 from functools import partial
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from distributed import Client, KilledWorker
@@ -103,13 +103,13 @@ def tiles_of(
     """The tiles of render(), from the top. Few are in memory at a time, so the picture may be larger than that."""
     if tiles is not None and (isinstance(tiles, bool) or not isinstance(tiles, int) or tiles < 1):
         raise ValueError(f"tiles: must be a whole number >= 1, got {tiles!r}")
-    x, y, width, height = Request(crop=options.pop("crop", None)).region_of(scene.camera.resolution)
+    x, y, width, height = Request(crop=options.get("crop")).region_of(scene.camera.resolution)
     farm = Farm(client, device, {"outputs": ("rgb8",), **options})
     count = tiles or TILES * farm.count()
     # Tiles begin at multiples of a PNG's band, which is as good for the kernel, whose packets have a part of its rows.
     edges = sorted({y + height * k // count // BAND * BAND for k in range(count)} | {y + height})
-    tasks = [Task(f"rows {a} to {b - 1}", scene, (x, a, x + width, b)) for a, b in pairwise(edges)]
-    with closing(farm.images(tasks)) as drawn, bar(len(tasks), "tile", progress) as done:
+    parts = [MovieFrame(k, scene, (x, a, x + width, b)) for k, (a, b) in enumerate(pairwise(edges))]
+    with closing(farm.images(parts)) as drawn, bar(len(parts), "tile", progress) as done:
         for _, image in drawn:
             yield image
             done.update()
@@ -140,38 +140,22 @@ def animate(
 
 def on_cluster(client: Client, device: str | None, options: Mapping[str, Any]) -> FrameRenderer:
     """Draws frames on a cluster. Raises FarmError if no worker has a device."""
-    crop = options.get("crop")
-    farm = Farm(client, device, {name: value for name, value in options.items() if name != "crop"})
-
-    def images(frames: Iterable[MovieFrame]) -> Generator[tuple[MovieFrame, Image], None, None]:
-        tasks = (Task(f"frame {number}", scene, crop, number) for number, scene in frames)
-        with closing(farm.images(tasks)) as drawn:
-            for task, image in drawn:
-                yield MovieFrame(task.number, task.scene), image
-
+    farm = Farm(client, device, options)
     place = f"{farm.count()} workers with {', '.join(farm.devices)}"
-    return FrameRenderer(images, {**options, **farm.options}, " ".join(farm.devices), place)
-
-
-class Task(NamedTuple):
-    """A picture, or a part of one: what messages call it, the scene, the part, and the number of the frame."""
-
-    label: str
-    scene: Scene
-    crop: Crop | None
-    number: int = 0
+    return FrameRenderer(farm.images, {**options, **farm.options}, " ".join(farm.devices), place)
 
 
 class Farm:
-    """A cluster that draws. client: of the cluster; device: as --device has it; options: the Renderer's, but for crop.
+    """A cluster that draws. client: of the cluster; device: as --device has it; options: the Renderer's.
 
-    options: with the precision that all workers have; devices: the names of the workers' devices. Raises FarmError if
-    no worker has a device.
+    options: without the crop, and with the precision that all workers have; devices: the names of the workers' devices.
+    Raises FarmError if no worker has a device.
     """
 
     def __init__(self, client: Client, device: str | None, options: Mapping[str, Any]) -> None:
         self._client: Any = client
         self._spec, self.options = device, dict(options)
+        self._crop = self.options.pop("crop", None)
         self._found: dict[str, tuple[str, bool]] = {}  # what device_here() has said, by the worker's address
         self._seen, self._usable = -SEEN, list[str]()
         self._base: tuple[Scene, Any] | None = None  # the last scene, and the task that makes it
@@ -191,49 +175,50 @@ class Farm:
         with _cluster_errors():
             return len(self._workers())
 
-    def images(self, tasks: Iterable[Task]) -> Generator[tuple[Task, Image], None, None]:
-        """Yields each task with its image, in order, and cancels what is not done when it is closed.
+    def images(self, frames: Iterable[MovieFrame]) -> Generator[tuple[MovieFrame, Image], None, None]:
+        """Yields each frame with its image, in order, and cancels what is not done when it is closed.
 
-        Raises FarmError for a task that fails again and again or whose workers die, and TooManyRaysError and
+        Raises FarmError for a frame that fails again and again or whose workers die, and TooManyRaysError and
         TooSlowError without another try.
         """
         futures = deque[Any]()
 
-        def begin(task: Task) -> Callable[[], Image]:
-            futures.append(future := self._submit(task))
-            return partial(self._result, task, future)
+        def begin(frame: MovieFrame) -> Callable[[], Image]:
+            futures.append(future := self._submit(frame))
+            return partial(self._result, frame, future)
 
         try:
-            for task, image in in_order(tasks, begin, lambda: TASKS_PER_WORKER * self.count()):
+            for frame, image in in_order(frames, begin, lambda: TASKS_PER_WORKER * self.count()):
                 futures.popleft()
-                yield task, image
+                yield frame, image
         finally:
             self._base = None
             with contextlib.suppress(Exception):
                 self._client.cancel(list(futures), force=True)
 
-    def _submit(self, task: Task) -> Any:
-        """A future of the task's image. A scene is sent once, however many cameras and crops look at it."""
+    def _submit(self, frame: MovieFrame) -> Any:
+        """A future of the frame's image. A scene is sent once, however many cameras and crops look at it."""
         with _cluster_errors(), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # dask advises against sending large scenes
-            if self._base is None or not share_all_but_camera(self._base[0], task.scene):
-                self._base = task.scene, self._client.submit(itself, task.scene, pure=False)
+            if self._base is None or not share_all_but_camera(self._base[0], frame.scene):
+                self._base = frame.scene, self._client.submit(itself, frame.scene, pure=False)
             base = self._base[1]
             # Workers without a device do not draw. Where those with one have died, dask takes what comes instead.
             where = {"workers": self._workers(), "allow_other_workers": True}
-            what = (self._spec, base.key, base, task.scene.camera, self.options, task.crop)
+            what = (self._spec, base.key, base, frame.scene.camera, self.options, frame.crop or self._crop)
             return self._client.submit(draw, *what, pure=False, retries=RETRIES, **where)
 
-    def _result(self, task: Task, future: Any) -> Image:
-        """Waits for the image of a task that was handed out."""
+    def _result(self, frame: MovieFrame, future: Any) -> Image:
+        """Waits for the image of a frame that was handed out."""
         result: Any = None
-        died = FarmError(f"{task.label}: workers have died over it again and again")
+        label = f"rows {frame.crop[1]} to {frame.crop[3] - 1}" if frame.crop else f"frame {frame.number}"
+        died = FarmError(f"{label}: workers have died over it again and again")
         while result is None:
             try:
                 with _cluster_errors(), contextlib.suppress(TimeoutError):
                     result = future.result(timeout=ALONE)
             except WorkerError as error:
-                raise FarmError(f"{task.label}: {error}") from None
+                raise FarmError(f"{label}: {error}") from None
             except KilledWorker:
                 raise died from None
             if result is None and not self.count():

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cltrace.picture.files import is_named_as_folder
+from cltrace.plan.request import Crop
 from cltrace.scene import AnyCamera, Camera, Orthographic, Scene, with_spheres
 from cltrace.scene.rules import LARGEST, Vector, is_whole, vector
 
@@ -31,10 +32,11 @@ MOVIES = (".mp4", ".gif", ".apng")
 
 
 class MovieFrame(NamedTuple):
-    """A frame of a movie: its number, from 0, and what it shows."""
+    """A frame of a movie: its number, from 0, and what it shows; crop: where other frames have another one."""
 
     number: int
     scene: Scene
+    crop: Crop | None = None
 
 
 def frames_of(items: Iterable[object], scene: Scene | None = None, select: slice = slice(None)) -> Iterator[MovieFrame]:
