@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, ClassVar, Self
@@ -18,13 +18,11 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from cltrace.base.arithmetic import inverses
-from cltrace.reference import Direction, Mesh, Point, Ray, Round, Surface, Triangle
+from cltrace.reference import Direction, Point, Ray, Sphere, Surface, Triangle
 from cltrace.reference.clipping import Cap
 from cltrace.reference.cylinders import Cylinder
 from cltrace.reference.lights import ShadowRay
-from cltrace.reference.rays import Way
-from cltrace.reference.spheres import maker
-from cltrace.reference.surfaces import Group, Setting
+from cltrace.reference.surfaces import Setting, Shape, way_along
 from cltrace.reference.vectors import size_of
 from cltrace.reference.world import KINDS as PLAIN
 
@@ -94,16 +92,16 @@ def solutions(a: float, b: float, c: float) -> tuple[float, tuple[float, ...]]:
 MANY = 64  # spheres with numbers that follow each other, from which on they are a swarm
 
 
-class Swarm(Group):
+class Swarm(Shape):
     """Spheres and ellipsoids with numbers that follow each other, each of which is made when a ray may meet it.
 
     number: the first one's; places: of these spheres among the scene's.
     """
 
-    def __init__(self, setting: Setting, make: Callable[[int], Round], places: range) -> None:
-        scene = setting.scene
-        super().__init__(int(scene.sphere_numbers[places[0]]), setting.view)
-        self._sphere = cache(lambda row: make(places[row]))
+    def __init__(self, setting: Setting, places: range) -> None:
+        scene, self.view = setting.scene, setting.view
+        self.number = int(scene.sphere_numbers[places[0]])
+        self._sphere = cache(lambda row: Sphere(setting, places[row]))
         part = scene.spheres[places.start : places.stop]
         self._centers, self._reach = part["center"], part["radius"].copy()
         bent = part["to_object"] >= 0
@@ -111,7 +109,7 @@ class Swarm(Group):
             sizes = np.abs(inverses(scene.to_object)).sum(axis=(1, 2))
             self._reach[bent] *= sizes[part["to_object"][bent]]
 
-    def near(self, way: Way | None) -> Iterator[Round]:
+    def parts(self, ray: Ray | ShadowRay) -> Iterator[Sphere]:
         """The spheres that a ray may meet, by rising numbers. All others it surely passes by, or leads away from.
 
         With f from the start to a centre and R the reach, a ray along w passes by where |f x w| > R |w|, and leads away
@@ -119,7 +117,7 @@ class Swarm(Group):
         one of 48 u w1. So f x w and f.w have errors below 100 u s w1 < 2^-46 s w1, and |w| one of 2^-44 of itself, as
         w1 <= 4 |w|_1. A few more roundings fit in twice that.
         """
-        rows = np.arange(len(self._reach))
+        rows, way = np.arange(len(self._reach)), way_along(ray, self.view)
         if way is not None and way.w1 <= 4 * size_of(way.w):
             w = np.array(triple(way.w))
             f = (self._centers - np.array(triple(way.place))) - np.array(triple(way.step))
@@ -129,19 +127,19 @@ class Swarm(Group):
         for row in rows.tolist():
             yield self._sphere(row)
 
-    def solids(self, ray: Ray | ShadowRay) -> Iterator[Surface]:
+    def solids(self, ray: Ray | ShadowRay) -> Iterator[Sphere]:
         return self.parts(ray)
 
 
-def swarms(setting: Setting) -> Iterator[Surface]:
+def swarms(setting: Setting) -> Iterator[Shape]:
     """The spheres of a scene: those with numbers that follow each other as a swarm, if they are many."""
-    numbers, make = setting.scene.sphere_numbers, maker(setting)
+    numbers = setting.scene.sphere_numbers
     ends = [0, *(np.flatnonzero(np.diff(numbers) != 1) + 1).tolist(), len(numbers)]
     for begin, end in itertools.pairwise(ends):
         if end - begin >= MANY:
-            yield Swarm(setting, make, range(begin, end))
+            yield Swarm(setting, range(begin, end))
         else:
-            yield from map(make, range(begin, end))
+            yield from (Sphere(setting, i) for i in range(begin, end))
 
 
 @dataclass(frozen=True)
@@ -163,19 +161,19 @@ class SphereTest(Textbook):
     c: float
     discriminant: float
     t: tuple[float, ...]
-    surfaces: ClassVar = (Round, Swarm)
+    surfaces: ClassVar = (Sphere,)
     normals: ClassVar = {
         "sphere": "(P - C) / |P - C|",
         "ellipsoid": "that of the sphere before the transform, by the inverse transpose, normalized",
     }
 
     @classmethod
-    def of(cls, sphere: Round, o: Point, d: Direction) -> SphereTest:
+    def of(cls, sphere: Sphere, o: Point, d: Direction) -> SphereTest:
         C, R = sphere.place, sphere.radius
         to_start, way = sphere.seen(o - C), sphere.seen(d)
         a, b, c = way.dot(way), 2 * way.dot(to_start), to_start.dot(to_start) - R * R
         disc, t = solutions(a, b, c)
-        own = sphere.exact.K is not None
+        own = sphere.K is not None
         return cls(triple(C), R, own, triple(to_start), direction=triple(way), a=a, b=b, c=c, discriminant=disc, t=t)
 
     def first(self, own: bool) -> float:
@@ -283,7 +281,7 @@ class TriangleTest(Textbook):
     d_n: float
     t: float
     weights: Triple
-    surfaces: ClassVar = (Mesh, Triangle)
+    surfaces: ClassVar = (Triangle,)
     normals: ClassVar = {"flat": "N / |N|", "smooth": "the corners' normals by the weights, normalized"}
 
     @classmethod

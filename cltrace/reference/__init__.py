@@ -11,7 +11,7 @@ the files in this order:
     rays.py        Ray, and Start, the point of a surface by which a ray leaves it
     lights.py      Light, and ShadowRay, which leads to it
     surfaces.py    Surface, which each shape implements, Material, Texture, Intersection
-    spheres.py     Sphere, with the tutorial's equation, and Ellipsoid
+    spheres.py     Sphere, with the tutorial's equation, also of ellipsoids
     triangles.py   Mesh, Triangle
     cylinders.py   Cylinder
     bounce.py      where a ray goes on from a mirror or through glass: bounces, mirrored, refracted
@@ -33,9 +33,9 @@ from cltrace.reference.bounce import mirrored, refracted
 from cltrace.reference.lights import Light, ShadowRay
 from cltrace.reference.rays import Ray, Start
 from cltrace.reference.records import Pixel, byte_of
-from cltrace.reference.spheres import Ellipsoid, OnSphere, Round, Sphere
+from cltrace.reference.spheres import Sphere
 from cltrace.reference.surfaces import Intersection, Material, Surface, Texture, comes_first
-from cltrace.reference.triangles import Mesh, OnTriangle, Triangle
+from cltrace.reference.triangles import Mesh, Triangle
 from cltrace.reference.vectors import EYE, Color, Direction, Point
 from cltrace.reference.world import World, world_of
 
@@ -43,17 +43,13 @@ __all__ = [
     "EYE",
     "Color",
     "Direction",
-    "Ellipsoid",
     "Intersection",
     "Light",
     "Material",
     "Mesh",
-    "OnSphere",
-    "OnTriangle",
     "Pixel",
     "Point",
     "Ray",
-    "Round",
     "ShadowRay",
     "Sphere",
     "Start",

@@ -20,7 +20,7 @@ from cltrace.exact.clipping import ExactPlane, Height, entry_of
 from cltrace.exact.lines import ExactPoint, Line, Root
 from cltrace.reference.lights import ShadowRay
 from cltrace.reference.rays import NOWHERE, Ray, Start, View, exact_line
-from cltrace.reference.surfaces import Intersection, Material, Setting, Surface
+from cltrace.reference.surfaces import Intersection, Material, Setting, Shape, Surface
 from cltrace.reference.vectors import Direction, Point
 
 
@@ -58,7 +58,7 @@ class Region:
     def entry(self, ray: Ray | ShadowRay) -> Entry | None:
         """Where a ray enters the region between its ends; None if it starts in the region, or never enters it."""
         start = ray.start if isinstance(ray, ShadowRay) else ray.origin
-        if isinstance(start, Start) and start.surface is not None and start.surface.clipped:
+        if not self.planes or (isinstance(start, Start) and start.surface is not None and start.surface.clipped):
             return None
         line = ray.line if isinstance(ray, ShadowRay) else exact_line(ray, self.view)
         heights = {plane.number: plane.exact.along(line) for plane in self.planes}
@@ -71,7 +71,7 @@ class Region:
         """Whether the point of a line at a root is in the region."""
         return all(plane.exact.along(line).sign_at(root) >= 0 for plane in self.planes)
 
-    def cap(self, surfaces: Sequence[Surface], ray: Ray | ShadowRay) -> Cap | None:
+    def cap(self, surfaces: Sequence[Shape], ray: Ray | ShadowRay) -> Cap | None:
         """What closes the surface of the lowest number inside of which a ray enters the region."""
         entry = self.entry(ray)
         if entry is None:
@@ -80,20 +80,22 @@ class Region:
         closed = [solid for solid in solids if solid.contains(entry)]
         return Cap(entry, min(closed, key=lambda solid: solid.number)) if closed else None
 
-    def parts(self, surfaces: Sequence[Surface], ray: Ray) -> Iterator[Surface]:
+    def parts(self, surfaces: Sequence[Shape], ray: Ray) -> Iterator[Surface]:
         """The parts of surfaces that a ray may meet first in the region, its cap first."""
         cap = self.cap(surfaces, ray)
         if cap:
             yield cap
         for part in (part for surface in surfaces for part in surface.parts(ray)):
-            met = part.intersect(ray) is not None
-            if met and (not part.clipped or self.keeps(exact_line(ray, self.view), part.exact_t(ray))):
+            free = not (self.planes and part.clipped)
+            if free or (
+                part.intersect(ray) is not None and self.keeps(exact_line(ray, self.view), part.exact_t(ray))
+            ):  # fmt: skip
                 yield part
 
-    def blockers(self, surfaces: Sequence[Surface], ray: ShadowRay) -> Iterator[Surface]:
+    def blockers(self, surfaces: Sequence[Shape], ray: ShadowRay) -> Iterator[Surface]:
         """The parts of surfaces that stand, in the region, between the start of a shadow ray and its light."""
         for part in (part for surface in surfaces for part in surface.parts(ray)):
-            if part.blocks(ray) and (not part.clipped or self.keeps(*part.blocking_root(ray))):
+            if part.blocks(ray) and (not (self.planes and part.clipped) or self.keeps(*part.blocking_root(ray))):
                 yield part
         cap = self.cap(surfaces, ray)
         if cap:
@@ -105,7 +107,7 @@ class Cap(Surface):
 
     shape = "cap"
 
-    def __init__(self, entry: Entry, closed: Surface) -> None:
+    def __init__(self, entry: Entry, closed: Shape) -> None:
         self.entry, self.view, self.number, self.kind = entry, closed.view, closed.number, f"cap of {closed.kind}"
         self.material = entry.plane.material or replace(closed.material, texture=None)
         self.primitive = -2 - entry.plane.number
@@ -126,46 +128,22 @@ class Cap(Surface):
             distance=t * math.sqrt(ray.direction.dot(ray.direction)),
             normal=self.entry.plane.outward,
             inside=False,
-            start=OnCap(self),
+            start=self.start(),
             material=self.material,
             uv=(0.0, 0.0),
             index=self.number,
             primitive=self.primitive,
         )
 
-
-@dataclass(frozen=True)
-class OnCap(Start):
-    """A point of a cap, rounded to doubles of the world. As nothing is met in a plane, rays may start beside it."""
-
-    cap: Cap
-
-    @property
-    def surface(self) -> Cap:
-        return self.cap
-
-    @cached_property
-    def place(self) -> Point:
-        line, root = self.cap.entry.height.line, self.cap.entry.height.root
+    def start(self) -> Start:
+        """Where the ray meets it, rounded to doubles of the world. As nothing is met in a plane, rays may start beside
+        it."""
+        line, root = self.entry.height.line, self.entry.height.root
         t, o, unit = root.value() / line.unit, line.start, line.start.over
-        x, y, z = (float(a.between(256).low / unit + t * w.p) for a, w in zip(o.numbers, line.way, strict=True))
-        return Point(x, y, z)
-
-    @cached_property
-    def anchor(self) -> Point:
-        return self.view.seen(self.exact_point)
-
-    @property
-    def step(self) -> Direction:
-        return NOWHERE
-
-    @property
-    def reach(self) -> float:
-        return 0.0
-
-    @cached_property
-    def exact_point(self) -> ExactPoint:
-        return ExactPoint.of(self.place)
+        place = Point(*(float(a.between(256).low / unit + t * w.p) for a, w in zip(o.numbers, line.way, strict=True)))
+        exact = ExactPoint.of(place)
+        anchor, nowhere = self.view.seen(exact), self.view.B @ NOWHERE
+        return Start(self, self.view, place, anchor, NOWHERE, nowhere, 0.0, anchor + nowhere, lambda: exact)
 
 
 def region_of(setting: Setting) -> Region:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cached_property
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,54 +13,11 @@ from cltrace.exact.lines import ExactPoint, Line, Root
 from cltrace.exact.shapes import ExactCylinder, Part
 from cltrace.reference.lights import ShadowRay
 from cltrace.reference.rays import Ray, Start, Way, exact_line, way_of
-from cltrace.reference.surfaces import UV, Intersection, Material, Setting, Surface
+from cltrace.reference.surfaces import Intersection, Material, Setting, Surface
 from cltrace.reference.vectors import Direction, Point, size_of
 
 if TYPE_CHECKING:
     from cltrace.reference.clipping import Entry
-
-
-@dataclass(frozen=True)
-class OnCylinder(Start):
-    """A point of a cylinder: exactly S + k u + r m / |m| on the side, and S + m or E + m on a flat end.
-
-    m = a e1 + b e2 is across the axis u, with e1 = x x u, x being the coordinate axis that u is furthest from, and e2 =
-    u x e1. The anchor is S, or E on the end there. k: within 0..1.
-    """
-
-    cylinder: Cylinder
-    part: Part
-    k: float
-    a: float
-    b: float
-
-    @property
-    def surface(self) -> Cylinder:
-        return self.cylinder
-
-    @property
-    def place(self) -> Point:
-        return self.cylinder.end if self.part == "end" else self.cylinder.start
-
-    @cached_property
-    def anchor(self) -> Point:
-        return self.cylinder.seen_end if self.part == "end" else self.cylinder.seen_start
-
-    @cached_property
-    def step(self) -> Direction:
-        of = self.cylinder
-        m = of.e1 * self.a + of.e2 * self.b
-        if self.part != "side":
-            return m
-        return of.axis * self.k + m * (of.radius * (1 / math.sqrt(m.dot(m))))
-
-    @property
-    def reach(self) -> float:
-        return self.cylinder.reach
-
-    @cached_property
-    def exact_point(self) -> ExactPoint:
-        return self.cylinder.exact.point(self.part, self.k, self.a, self.b)
 
 
 class Cylinder(Surface):
@@ -133,32 +89,44 @@ class Cylinder(Surface):
 
     def intersection_at(self, ray: Ray, t: float) -> Intersection:
         _, part, inside = self._found(ray)
-        start = self.point_at(ray, t, part)
-        outward = self.view.B @ self.outward(start)
+        # The point of this part that is nearest to the ray's at t, but for rounding: S + k u + m, with m = a e1 + b e2.
+        way, u, e1, e2 = self.way(ray), self.axis, self.e1, self.e2
+        p = way.w * t - way.to(self.end if part == "end" else self.start)
+        k = p.dot(u) / u.dot(u)
+        m = p - u * k
+        if part == "side":
+            m = m * (1 / math.sqrt(m.dot(m)))
+        k, a, b = max(0.0, min(1.0, k)), m.dot(e1) / e1.dot(e1), m.dot(e2) / e2.dot(e2)
+        n = e1 * a + e2 * b if part == "side" else u if part == "end" else -u
+        outward = self.view.B @ n.normalized()
+        # u goes round the axis, v along it from the end to the start; on the ends v is 0 and 1.
+        turn = math.atan2(b * math.sqrt(e2.dot(e2)), a * math.sqrt(e1.dot(e1)))
+        uv = 0.5 + turn / (2 * math.pi), {"side": 1 - k, "start": 1.0, "end": 0.0}[part]
         return Intersection(
             point=ray.at(t),
             t=t,
             distance=t * ray.direction.length(),
             normal=-outward if inside else outward,
             inside=inside,
-            start=start,
+            start=self.point(part, k, a, b),
             material=self.material,
-            uv=self.uv(start),
+            uv=uv,
             index=self.number,
             turned=inside,
         )
 
-    def point_at(self, ray: Ray, t: float, part: Part) -> OnCylinder:
-        """The point of this part that is nearest to the ray's at t, but for rounding."""
-        way = self.way(ray)
-        p = way.w * t - way.to(self.end if part == "end" else self.start)
-        u = self.axis
-        k = p.dot(u) / u.dot(u)
-        m = p - u * k
+    def point(self, part: Part, k: float, a: float, b: float) -> Start:
+        """The point of a ray's start: exactly S + k u + r m / |m| on the side, and S + m or E + m on a flat end.
+
+        m = a e1 + b e2 is across the axis u, with e1 = x x u, x being the coordinate axis that u is furthest from, and
+        e2 = u x e1. The anchor is S, or E on the end there. k: within 0..1.
+        """
+        step = self.e1 * a + self.e2 * b
         if part == "side":
-            m = m * (1 / math.sqrt(m.dot(m)))
-        a, b = m.dot(self.e1) / self.e1.dot(self.e1), m.dot(self.e2) / self.e2.dot(self.e2)
-        return OnCylinder(self, part, k=max(0.0, min(1.0, k)), a=a, b=b)
+            step = self.axis * k + step * (self.radius * (1 / math.sqrt(step.dot(step))))
+        place, seen = (self.end, self.seen_end) if part == "end" else (self.start, self.seen_start)
+        from_anchor, exact = self.view.B @ step, partial(self.exact.point, part, k, a, b)
+        return Start(self, self.view, place, seen, step, from_anchor, self.reach, seen + from_anchor, exact)
 
     def way(self, ray: Ray) -> Way:
         """That of a ray that is met, rounded."""
@@ -167,18 +135,6 @@ class Cylinder(Surface):
             step = self.view.B.T @ (ray.at(0.0) - Point(0, 0, 0))
             way = Way(self.view.eye, self.view.B.T @ ray.direction, 0.0, step=step)
         return way
-
-    def outward(self, at: OnCylinder) -> Direction:
-        """The outward unit normal at a point, in the world."""
-        n = self.axis if at.part == "end" else -self.axis
-        if at.part == "side":
-            n = self.e1 * at.a + self.e2 * at.b
-        return n.normalized()
-
-    def uv(self, at: OnCylinder) -> UV:
-        """u goes round the axis, v along it from the end to the start; on the ends v is 0 and 1."""
-        turn = math.atan2(at.b * math.sqrt(self.e2.dot(self.e2)), at.a * math.sqrt(self.e1.dot(self.e1)))
-        return 0.5 + turn / (2 * math.pi), {"side": 1 - at.k, "start": 1.0, "end": 0.0}[at.part]
 
     def _found(self, ray: Ray) -> tuple[Root, Part, bool]:
         met = self.exact.meet(exact_line(ray, self.view), ray.t_min, ray.t_max)

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from cltrace.exact.lines import ExactPoint, Line
 from cltrace.reference.rays import Start, View, Way
 from cltrace.reference.vectors import Color, Direction, Point, color_of, size_of
-from cltrace.scene import LAMBERT, PARALLEL, POINT, SPOT
+from cltrace.scene import PARALLEL, POINT, SPOT
 
 
 @dataclass(frozen=True)
@@ -54,12 +52,6 @@ class ParallelLight(Light):
 
     towards: Direction
 
-    @classmethod
-    def of(cls, light: np.void, view: View) -> ParallelLight:
-        direction = light["direction"].tolist()
-        back = ExactPoint.of([-x for x in direction])
-        return cls(color_of(light["color"]), back, None, site=None, towards=-view.turned(direction))
-
     def direction_from(self, start: Start) -> Direction:
         return self.towards
 
@@ -73,12 +65,6 @@ class PointLight(Light):
 
     position: Point
     site: Point
-
-    @classmethod
-    def of(cls, light: np.void, view: View, **more: Any) -> PointLight:
-        site = Point(*light["position"].tolist())
-        exact = ExactPoint.of(site)
-        return cls(color_of(light["color"]), exact, view.seen(exact), site, **more)
 
     def direction_from(self, start: Start) -> Direction:
         """By way of the anchor: the point's own coordinates are never formed."""
@@ -96,13 +82,6 @@ class SpotLight(PointLight):
     axis: Direction
     alpha1: float
     alpha2: float
-
-    @classmethod
-    def of(cls, light: np.void, view: View, **more: Any) -> SpotLight:
-        cone = {name: math.radians(light[name]) for name in ("alpha1", "alpha2")}
-        made = super().of(light, view, axis=view.turned(light["direction"].tolist()), **cone, **more)
-        assert isinstance(made, SpotLight)
-        return made
 
     def off_axis(self, l: Direction) -> float:  # noqa: E741
         """The angle in radians between the axis and the way back along the unit direction l."""
@@ -125,23 +104,25 @@ class LambertLight(PointLight):
 
     axis: Direction
 
-    @classmethod
-    def of(cls, light: np.void, view: View, **more: Any) -> LambertLight:
-        made = super().of(light, view, axis=view.turned(light["direction"].tolist()), **more)
-        assert isinstance(made, LambertLight)
-        return made
-
     def strength(self, w: Direction) -> float:
         return max(0.0, -self.axis.dot(w.normalized()))
 
 
-# What makes each kind from a scene's light and its camera.
-KINDS: dict[int, Callable[[np.void, View], Light]] = {
-    PARALLEL: ParallelLight.of,
-    POINT: PointLight.of,
-    SPOT: SpotLight.of,
-    LAMBERT: LambertLight.of,
-}
+def light_of(light: np.void, view: View) -> Light:
+    """What a scene's light is to its camera."""
+    color, direction = color_of(light["color"]), light["direction"].tolist()
+    if light["kind"] == PARALLEL:
+        back = ExactPoint.of([-x for x in direction])
+        return ParallelLight(color, back, None, None, towards=-view.turned(direction))
+    site = Point(*light["position"].tolist())
+    exact = ExactPoint.of(site)
+    at = (color, exact, view.seen(exact), site)
+    if light["kind"] == POINT:
+        return PointLight(*at)
+    axis = view.turned(direction)
+    if light["kind"] == SPOT:
+        return SpotLight(*at, axis, *(math.radians(light[name]) for name in ("alpha1", "alpha2")))
+    return LambertLight(*at, axis)
 
 
 @dataclass(frozen=True)

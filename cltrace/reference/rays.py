@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -54,113 +53,60 @@ def view_of(camera: AnyCamera) -> View:
     return View(camera.basis(), Point(*map(float, camera.position)))
 
 
-class Start(ABC):
+@dataclass(frozen=True, eq=False)
+class Start:
     """The point of a surface by which a ray leaves it: exactly, by numbers that put it on the surface.
 
     Or a point of the plane where the rays of an orthographic camera start.
 
     Rounded coordinates would put it off the surface, and every ray from there would need an epsilon. Doubles reach it
     in two steps, of which the first one is exact: to a point nearby, the anchor, and from there.
+
+    surface: that the ray leaves, None if it comes from the camera; view: the camera's; place: the anchor in the world,
+    exactly; anchor: in camera space, rounded; step: from the anchor to the point, along the world's axes, rounded;
+    from_anchor: the same in camera space; reach: how far the point is from the anchor at most; point: in camera space,
+    rounded; exact: makes the point in the world, exactly; on: the numbers that put it on the surface; support: of a
+    sphere, how far the plane that touches it there is from the centre; fits: whether step is as good as the bounds of
+    errors need it.
     """
 
-    @property
-    @abstractmethod
-    def surface(self) -> Any:
-        """The surface that the ray leaves; None if it comes from the camera."""
-
-    @property
-    def view(self) -> View:
-        """The camera's."""
-        view: View = self.surface.view
-        return view
-
-    @property
-    @abstractmethod
-    def place(self) -> Point:
-        """The anchor in the world, exactly."""
-
-    @property
-    @abstractmethod
-    def anchor(self) -> Point:
-        """The anchor in camera space, rounded."""
-
-    @property
-    @abstractmethod
-    def step(self) -> Direction:
-        """From the anchor to the point, along the world's axes, rounded."""
+    surface: Any
+    view: View
+    place: Point
+    anchor: Point
+    step: Direction
+    from_anchor: Direction
+    reach: float
+    point: Point
+    exact: Callable[[], ExactPoint]
+    on: Any = None
+    support: float | None = None
+    fits: bool = True
 
     @cached_property
-    def from_anchor(self) -> Direction:
-        """The same in camera space."""
-        return self.view.B @ self.step
-
-    @property
-    @abstractmethod
-    def reach(self) -> float:
-        """How far the point is from the anchor at most."""
-
-    @property
-    def fits(self) -> bool:
-        """Whether step is as good as the bounds of errors need it."""
-        return True
-
-    @property
-    @abstractmethod
     def exact_point(self) -> ExactPoint:
-        """The point in the world, exactly."""
-
-    @property
-    def point(self) -> Point:
-        """The point in camera space, rounded."""
-        return self.anchor + self.from_anchor
+        return self.exact()
 
     def height(self, point: Point, n: Direction) -> float:
-        """n.(point - P), how far a point is above the plane through this one that has the outward unit normal n."""
+        """n.(point - P), how far a point is above the plane through this one that has the outward unit normal n.
+
+        On a sphere, P is the centre and radius n, so n.P needs no rounding.
+        """
+        if self.support is not None:
+            return n.dot(point - self.anchor) - self.support
         return n.dot((point - self.anchor) - self.from_anchor)
 
 
-@dataclass(frozen=True)
-class OnPlane(Start):
+def start_on_plane(view: View, x: float, y: float) -> Start:
     """A point of the plane where the rays of an orthographic camera start: exactly the eye plus x and y times its axes.
 
     The anchor is the eye. x, y: scene units.
     """
-
-    camera: View
-    x: float
-    y: float
-
-    @property
-    def view(self) -> View:
-        return self.camera
-
-    @property
-    def surface(self) -> None:
-        return None
-
-    @property
-    def place(self) -> Point:
-        return self.camera.eye
-
-    @property
-    def anchor(self) -> Point:
-        return EYE
-
-    @cached_property
-    def step(self) -> Direction:
-        return self.camera.B.T @ self.from_anchor
-
-    @cached_property
-    def from_anchor(self) -> Direction:
-        return Direction(self.x, self.y, 0.0)
-
-    @property
-    def reach(self) -> float:
-        return abs(self.x) + abs(self.y)
-
-    @cached_property
-    def exact_point(self) -> ExactPoint:
-        return self.camera.exact_eye + self.camera.to_world(tuple(self.from_anchor))
+    v = Direction(x, y, 0.0)
+    step, reach = view.B.T @ v, abs(x) + abs(y)
+    return Start(
+        None, view, view.eye, EYE, step, v, reach, EYE + v, lambda: view.exact_eye + view.to_world(tuple(v))
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Iterator
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from cltrace.exact.lines import Equation, ExactPoint, Line, Root
 from cltrace.exact.shapes import ExactSphere
 from cltrace.reference.lights import ShadowRay
-from cltrace.reference.rays import OnPlane, Ray, Start, View, exact_line
-from cltrace.reference.surfaces import UV, Intersection, Material, Setting, Surface
+from cltrace.reference.rays import Ray, Start, exact_line
+from cltrace.reference.surfaces import UV, Intersection, Setting, Surface
 from cltrace.reference.vectors import EYE, Direction, Matrix, Point, size_of
 
 if TYPE_CHECKING:
@@ -33,75 +31,58 @@ class Met(NamedTuple):
     distance: float
 
 
-@dataclass(frozen=True)
-class OnSphere(Start):
-    """A point of a sphere: exactly center + radius n / |n|, n being the double triple `normal`.
+class Sphere(Surface):
+    """The points P with |P - C| = r; of an ellipsoid, those with |K (P - C)| = r.
 
-    The anchor is the centre. normal: outward in camera space, of any length but 0; of an ellipsoid, that of the sphere
-    that it is in its own axes. Rays are decided soonest where it is unit to rounding.
-    """
+    A ray o + t d meets a sphere where |o + t d - C|^2 = r^2. Multiplied out, as in the tutorial but with b halved and
+    turned,
 
-    sphere: Round
-    normal: Direction
+        a t^2 - 2 b t + c = 0,    a = d.d,    b = d.(C - o),    c = (C - o).(C - o) - r^2
+        t = (b -/+ sqrt(D)) / a,  D = b^2 - a c
 
-    @property
-    def surface(self) -> Round:
-        return self.sphere
+    D < 0 is a miss, D = 0 touches, D > 0 gives the two ends of the way through the sphere. The functions below compute
+    these numbers in such a form that they lose no digits, and ask the exact engine where doubles cannot decide.
 
-    @property
-    def place(self) -> Point:
-        return self.sphere.place
-
-    @property
-    def anchor(self) -> Point:
-        return self.sphere.center
-
-    @cached_property
-    def step(self) -> Direction:
-        return self.sphere.step(self.normal)
-
-    @cached_property
-    def from_anchor(self) -> Direction:
-        return self.sphere.from_center(self.normal)
-
-    @property
-    def reach(self) -> float:
-        return self.sphere.reach
-
-    @property
-    def fits(self) -> bool:
-        return abs(self.normal.dot(self.normal) - 1) <= 2.0**-47
-
-    @cached_property
-    def exact_point(self) -> ExactPoint:
-        return self.sphere.exact_point(self.normal)
-
-    @property
-    def point(self) -> Point:
-        return self.anchor + self.sphere.from_center(self.normal.normalized())
-
-    def height(self, point: Point, n: Direction) -> float:
-        """By way of the centre: P = center + radius n, so n.P needs no rounding."""
-        return n.dot(point - self.anchor) - self.sphere.support(self.normal)
-
-
-class Round(Surface):
-    """The points P with |K (P - C)| = r, where K = 1 for a sphere.
+    An ellipsoid is what a linear map L = K^-1 makes of a sphere. K leads from the world to the ellipsoid's own axes.
+    There it is a sphere, and the ray K o + t K d is straight and has the same t, so all that has been said of spheres
+    holds. Back in the world a normal is K^T q, not L q.
 
     center: in camera space, rounded; radius; place: the centre of the file, in the world; exact: the surface as the
-    exact engine has it. reach: how far the surface is from its centre at most. stretch: the size of K, see Ellipsoid.
+    exact engine has it; reach: how far the surface is from its centre at most; K: of the scene, None of a sphere; L:
+    rounded from the exact inverse; stretch, spread: k and k l, the sizes of K and L (see vectors.Matrix), which bound
+    what K and L may make of an error.
     """
 
     kind = "sphere"
     stretch = 1.0
 
-    def __init__(self, place: Point, exact: ExactSphere, radius: float, view: View, material: Material, number: int):
-        self.center, self.radius, self.reach = view.seen(exact.center), radius, radius
-        self.place, self.exact, self.view, self.material, self.number = place, exact, view, material, number
+    def __init__(self, setting: Setting, i: int) -> None:
+        scene, one = setting.scene, setting.scene.spheres[i]
+        self.radius, self.place = float(one["radius"]), Point(*one["center"].tolist())
+        self.view, self.number = setting.view, int(scene.sphere_numbers[i])
+        self.material = setting.material(int(one["material"]))
+        self.shape, self.reach = "sphere", self.radius
+        self.K: Matrix | None = None
+        rows = scene.to_object[one["to_object"]].tolist() if one["to_object"] >= 0 else None
+        self.exact = ExactSphere(self.place, self.radius, rows)
+        self.center = self.view.seen(self.exact.center)
+        if rows:
+            inverse, divisor = self.exact.inverse
+            self.K = Matrix(*(Direction(*row) for row in rows))
+            self.L = Matrix(*(Direction(*(x / divisor for x in row)) for row in inverse))
+            self.shape, self.reach = "ellipsoid", self.radius * self.L.size
+            self.stretch, self.spread = self.K.size, self.K.size * self.L.size
 
-    @abstractmethod
     def meet(self, ray: Ray) -> Met | None:
         """Where the ray meets it first, by the equation in the form that keeps its digits."""
+        if self.K is None:
+            # Directions whose squares leave the range of double are for exact arithmetic.
+            if ray.origin == EYE and 2.0**-900 < ray.direction.dot(ray.direction) < 2.0**900:
+                return from_eye(self, ray)
+            start = ray.origin
+            if isinstance(start, Start) and start.surface is None and ray.is_plain and ray.direction == AHEAD:
+                return from_plane(self, start, ray)
+        return from_surface(self, ray) if ray.is_plain else from_anywhere(self, ray)
 
     def intersect(self, ray: Ray) -> float | None:
         met = self.meet(ray)
@@ -121,20 +102,57 @@ class Round(Surface):
         met = self.meet(ray)
         if met is None:
             raise ValueError("the ray does not hit the surface")
-        start, inside = OnSphere(self, met.q), met.side > 0
-        outward = self.outward(start.normal)
+        outward, inside = self.outward(met.q), met.side > 0
         return Intersection(
             point=ray.at(t),
             t=t,
             distance=met.distance,
             normal=-outward if inside else outward,
             inside=inside,
-            start=start,
+            start=self.start(met.q),
             material=self.material,
-            uv=_around(self.own_axes(start.normal)),
+            uv=_around(met.q if self.K else self.view.B.T @ met.q),
             index=self.number,
             turned=inside,
         )
+
+    def start(self, q: Direction) -> Start:
+        """The point of a ray's start: exactly center + radius q / |q|, or of an ellipsoid center + radius L q / |q|.
+
+        The anchor is the centre. q: outward, of any length but 0, in camera space; of an ellipsoid, in its own axes.
+        Rays are decided soonest where it is unit to rounding.
+        """
+        view, r, unit = self.view, self.radius, q.normalized()
+        exact = partial(self.exact_point, q)
+        if self.K is None:
+            step, from_center, point, support = (view.B.T @ q) * r, q * r, unit * r, r
+        else:
+            n, step = self.K.T @ q, (self.L @ q) * r
+            from_center, point = view.B @ step, view.B @ ((self.L @ unit) * r)
+            support = r * (1 / math.sqrt(n.dot(n)))
+        fits, C = abs(q.dot(q) - 1) <= 2.0**-47, self.center
+        return Start(self, view, self.place, C, step, from_center, self.reach, C + point, exact, q, support, fits)
+
+    def exact_point(self, q: Direction) -> ExactPoint:
+        """The same, exactly."""
+        return self.exact.point(tuple(q) if self.K else [x.p for x in self.view.to_world(tuple(q)).numbers])
+
+    def outward(self, q: Direction) -> Direction:
+        """The outward unit normal there, in camera space."""
+        if self.K is None:
+            return q
+        n = self.K.T @ q
+        return self.view.B @ (n * (1 / math.sqrt(n.dot(n))))
+
+    def seen(self, v: Direction) -> Direction:
+        """A direction of the world in the surface's own axes."""
+        return self.K @ v if self.K else v
+
+    def unit(self, from_center: Direction) -> Direction:
+        """From the centre to the point is r long but for rounding, so after the division by r one Newton step
+        n (3 - n.n)/2 makes it unit to the last digits."""
+        n = from_center * (1 / self.radius)
+        return n * (0.5 * (3 - n.dot(n)))
 
     def blocks(self, ray: ShadowRay) -> bool:
         if ray.start.surface is self:
@@ -152,36 +170,6 @@ class Round(Surface):
     def contains(self, entry: Entry) -> bool:
         return self.exact.contains_entry(entry.height)
 
-    # q is the normal of a Start, unit to rounding.
-
-    def step(self, q: Direction) -> Direction:
-        """From the centre to the point, along the world's axes, rounded."""
-        return (self.view.B.T @ q) * self.radius
-
-    def from_center(self, q: Direction) -> Direction:
-        """The same in camera space."""
-        return q * self.radius
-
-    def exact_point(self, q: Direction) -> ExactPoint:
-        """The point in the world, exactly."""
-        return self.exact.point([x.p for x in self.view.to_world(tuple(q)).numbers])
-
-    def outward(self, q: Direction) -> Direction:
-        """The outward unit normal there, in camera space."""
-        return q
-
-    def support(self, q: Direction) -> float:
-        """How far the plane that touches the surface there is from the centre."""
-        return self.radius
-
-    def own_axes(self, q: Direction) -> Direction:
-        """The normal there in the object's own axes, before it was placed in the world."""
-        return self.view.B.T @ q
-
-    def seen(self, v: Direction) -> Direction:
-        """A direction of the world in the surface's own axes."""
-        return v
-
     @cached_property
     def eye_power(self) -> float:
         """|C|^2 - r^2, the power of the eye: > 0 outside, 0 on the sphere, < 0 inside."""
@@ -192,84 +180,6 @@ class Round(Surface):
     def eye_outside(self) -> bool:
         return self.exact.side_of(self.view.exact_eye) > 0
 
-    def unit(self, from_center: Direction) -> Direction:
-        """From the centre to the point is r long but for rounding, so after the division by r one Newton step
-        n (3 - n.n)/2 makes it unit to the last digits."""
-        n = from_center * (1 / self.radius)
-        return n * (0.5 * (3 - n.dot(n)))
-
-
-class Sphere(Round):
-    """The points P with |P - C| = r.
-
-    A ray o + t d meets it where |o + t d - C|^2 = r^2. Multiplied out, as in the tutorial but with b halved and turned,
-
-        a t^2 - 2 b t + c = 0,    a = d.d,    b = d.(C - o),    c = (C - o).(C - o) - r^2
-        t = (b -/+ sqrt(D)) / a,  D = b^2 - a c
-
-    D < 0 is a miss, D = 0 touches, D > 0 gives the two ends of the way through the sphere. The functions below compute
-    these numbers in such a form that they lose no digits, and ask the exact engine where doubles cannot decide.
-    """
-
-    shape = "sphere"
-
-    def meet(self, ray: Ray) -> Met | None:
-        # Directions whose squares leave the range of double are for exact arithmetic.
-        if ray.origin == EYE and 2.0**-900 < ray.direction.dot(ray.direction) < 2.0**900:
-            return from_eye(self, ray)
-        if isinstance(ray.origin, OnPlane) and ray.is_plain and ray.direction == AHEAD:
-            return from_plane(self, ray.origin, ray)
-        return from_surface(self, ray) if ray.is_plain else from_anywhere(self, ray)
-
-
-class Ellipsoid(Round):
-    """The points P with |K (P - C)| = r: what a linear map L = K^-1 makes of a sphere.
-
-    K leads from the world to the ellipsoid's own axes. There it is a sphere, and the ray K o + t K d is straight and
-    has the same t, so all that has been said of spheres holds. Back in the world a normal is K^T q, not L q.
-
-    K: of the scene; L: rounded from the exact inverse; stretch, spread: k and k l, the sizes of K and L (see
-    vectors.Matrix), which bound what K and L may make of an error.
-    """
-
-    shape = "ellipsoid"
-
-    def __init__(
-        self, place: Point, exact: ExactSphere, radius: float, view: View, material: Material, number: int, K: Matrix
-    ) -> None:
-        super().__init__(place, exact, radius, view, material, number)
-        rows, divisor = exact.inverse
-        self.K = K
-        self.L = Matrix(*(Direction(*(x / divisor for x in row)) for row in rows))
-        self.reach = self.radius * self.L.size
-        self.stretch, self.spread = self.K.size, self.K.size * self.L.size
-
-    def meet(self, ray: Ray) -> Met | None:
-        return from_surface(self, ray) if ray.is_plain else from_anywhere(self, ray)
-
-    def step(self, q: Direction) -> Direction:
-        return (self.L @ q) * self.radius
-
-    def from_center(self, q: Direction) -> Direction:
-        return self.view.B @ self.step(q)
-
-    def exact_point(self, q: Direction) -> ExactPoint:
-        return self.exact.point(tuple(q))
-
-    def outward(self, q: Direction) -> Direction:
-        n = self.K.T @ q
-        return self.view.B @ (n * (1 / math.sqrt(n.dot(n))))
-
-    def support(self, q: Direction) -> float:
-        n = self.K.T @ q
-        return self.radius * (1 / math.sqrt(n.dot(n)))
-
-    def own_axes(self, q: Direction) -> Direction:
-        return q
-
-    def seen(self, v: Direction) -> Direction:
-        return self.K @ v
-
 
 # The equation a t^2 - 2 b t + c = 0 in double precision: each number in the form that keeps its digits.
 #
@@ -278,7 +188,7 @@ class Ellipsoid(Round):
 # not. Any other ray is left to the exact engine altogether.
 
 
-def from_eye(sphere: Round, ray: Ray) -> Met | None:
+def from_eye(sphere: Sphere, ray: Ray) -> Met | None:
     """The tutorial's equation for a ray that starts at the eye, where C - o is the centre itself.
 
     c = |C|^2 - r^2 comes from the exact scene, rounded once. The discriminant b^2 - a c is kept where it is accurate,
@@ -335,7 +245,7 @@ def from_eye(sphere: Round, ray: Ray) -> Met | None:
     return None
 
 
-def _exact_v(sphere: Round, ray: Ray, equation: Equation) -> Direction:
+def _exact_v(sphere: Sphere, ray: Ray, equation: Equation) -> Direction:
     """From the closest point of a ray with rational numbers to the centre, in camera space."""
     line, k = equation.line, equation.middle()
     to_center = (sphere.exact.center - line.start).fractions()
@@ -343,7 +253,7 @@ def _exact_v(sphere: Round, ray: Ray, equation: Equation) -> Direction:
     return Direction(*sphere.view.to_camera(v).rounded())
 
 
-def from_plane(sphere: Round, o: OnPlane, ray: Ray) -> Met | None:
+def from_plane(sphere: Sphere, o: Start, ray: Ray) -> Met | None:
     """The equation of a ray from o = (x, y, 0) along -z, to which a sphere is a disc.
 
     With (x, y) from the ray to the centre C, D = r^2 - (x^2 + y^2), and the ends are at t = -C.z -/+ sqrt(D), from the
@@ -351,7 +261,7 @@ def from_plane(sphere: Round, o: OnPlane, ray: Ray) -> Met | None:
     end is met, if any, and t and the normal are right to 2^-24.
     """
     C, r = sphere.center, sphere.radius
-    x, y, b = C.x - o.x, C.y - o.y, -C.z
+    x, y, b = C.x - o.from_anchor.x, C.y - o.from_anchor.y, -C.z
     rr, XX = r * r, x * x + y * y
     D = rr - XX
     root = math.sqrt(max(D, 0.0))
@@ -376,7 +286,7 @@ def from_plane(sphere: Round, o: OnPlane, ray: Ray) -> Met | None:
     return None
 
 
-def from_surface(sphere: Round, ray: Ray) -> Met | None:
+def from_surface(sphere: Sphere, ray: Ray) -> Met | None:
     """The equation of a ray that starts on a surface A and leads from there to infinity, along the world's axes.
 
     If A is a sphere, it starts at its centre plus p = r_A m, with m = B^T q and the unit normal q of its start, and
@@ -426,7 +336,7 @@ def from_surface(sphere: Round, ray: Ray) -> Met | None:
     D_error = (2 * size_of(X) * b_error + b_error * b_error) + 2.0**-47 * (arr + XX)
     c_error = 2.0**-46 * s * kf + 2.0**-50 * (ff + rr)
     a_error = 0.0
-    if isinstance(sphere, Ellipsoid):
+    if sphere.K:
         w_error = 2.0**-49 * kw
         a_error = w_error * (2 * size_of(w) + w_error)
         D_error += rr * a_error
@@ -468,10 +378,10 @@ def from_surface(sphere: Round, ray: Ray) -> Met | None:
         g = -w
     n = g * (1 / math.sqrt(g.dot(g)))
     # The root in the distance is the one that the kernel takes, for equal bits.
-    return Met(t, side, n if isinstance(sphere, Ellipsoid) else sphere.view.B @ n, t * math.sqrt(d.dot(d)))
+    return Met(t, side, n if sphere.K else sphere.view.B @ n, t * math.sqrt(d.dot(d)))
 
 
-def from_anywhere(sphere: Round, ray: Ray) -> Met | None:
+def from_anywhere(sphere: Sphere, ray: Ray) -> Met | None:
     """Any ray: all of it is exact, and rounded in the end."""
     root = sphere.equation(ray).first(ray.t_min, ray.t_max)
     if root is None:
@@ -484,7 +394,7 @@ def from_anywhere(sphere: Round, ray: Ray) -> Met | None:
         for p, w in zip(start.numbers, line.direction.fractions(), strict=True)
     ]
     own = ExactPoint.of(from_center)
-    if sphere.exact.K is None:
+    if not sphere.K:
         own = sphere.view.to_camera(own)
     else:
         own = ExactPoint(sphere.exact.seen(own.numbers), own.over * sphere.exact.K_over)
@@ -492,7 +402,7 @@ def from_anywhere(sphere: Round, ray: Ray) -> Met | None:
     return Met(float(root), root.side, q, float(root) * ray.direction.length())
 
 
-def surely_blocks(sphere: Round, ray: ShadowRay) -> bool | None:
+def surely_blocks(sphere: Sphere, ray: ShadowRay) -> bool | None:
     """Whether a sphere that the ray does not start on is met before its end; None if doubles cannot tell.
 
     A line that passes by the sphere does not meet it, nor does a ray that starts outside and leads away. From inside to
@@ -546,24 +456,6 @@ def _around(q: Direction) -> UV:
     return 0.5 + math.atan2(q.x + 0.0, q.z) / (2 * math.pi), math.atan2(math.hypot(q.x, q.z), q.y) / math.pi
 
 
-def maker(setting: Setting) -> Callable[[int], Round]:
-    """What makes the sphere or the ellipsoid at a place among a scene's spheres."""
-    scene, view = setting.scene, setting.view
-    maps = scene.to_object.tolist()
-
-    def make(i: int) -> Round:
-        one = scene.spheres[i]
-        center, radius, number = one["center"].tolist(), float(one["radius"]), int(scene.sphere_numbers[i])
-        material = setting.material(int(one["material"]))
-        if one["to_object"] < 0:
-            return Sphere(Point(*center), ExactSphere(center, radius), radius, view, material, number)
-        K = maps[one["to_object"]]
-        matrix = Matrix(*(Direction(*row) for row in K))
-        return Ellipsoid(Point(*center), ExactSphere(center, radius, K), radius, view, material, number, matrix)
-
-    return make
-
-
-def spheres(setting: Setting) -> Iterator[Round]:
+def spheres(setting: Setting) -> Iterator[Sphere]:
     """Those of a scene, and its ellipsoids."""
-    return map(maker(setting), range(len(setting.scene.spheres)))
+    return (Sphere(setting, i) for i in range(len(setting.scene.spheres)))

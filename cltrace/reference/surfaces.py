@@ -6,7 +6,6 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from cltrace.exact.lines import Line, Root
@@ -142,22 +141,45 @@ class Intersection:
         return -self.normal if self.inside else self.normal
 
 
-class Surface(ABC):
-    """Something that can be hit.
+class Shape(ABC):
+    """An object of the scene: a surface, or several, of which each ray tries those that it may meet.
 
-    number: among the scene's surfaces; view: the camera's; spread: of its normals' rounding, see bounce.lift();
-    shape: what its normals are made of; kind: what it is in a file; primitive: the number of a triangle in its mesh;
-    clipped: whether clipping planes clip it.
+    number: among the scene's surfaces; view: the camera's; kind: what it is in a file; clipped: whether clipping planes
+    clip it.
     """
 
     material: Material
     number: int
     view: View
+    kind: str
+    clipped: bool = True
+
+    @abstractmethod
+    def parts(self, ray: Ray | ShadowRay) -> Iterator[Surface]:
+        """The surfaces that a ray may meet, by rising numbers."""
+
+    def solids(self, ray: Ray | ShadowRay) -> Iterator[Shape]:
+        """What of it may contain a point of a ray."""
+        yield self
+
+    def contains(self, entry: Entry) -> bool:
+        """Whether it is a closed surface, and a ray enters the region of clipping planes strictly inside of it."""
+        return False
+
+
+class Surface(Shape):
+    """Something that can be hit.
+
+    spread: of its normals' rounding, see bounce.lift(); shape: what its normals are made of; primitive: the number of a
+    triangle in its mesh.
+    """
+
     spread: float = 1.0
     shape: str
-    kind: str
     primitive: int = -1
-    clipped: bool = True
+
+    def parts(self, ray: Ray | ShadowRay) -> Iterator[Surface]:
+        yield self
 
     @abstractmethod
     def intersect(self, ray: Ray) -> float | None:
@@ -178,18 +200,6 @@ class Surface(ABC):
     def blocking_root(self, ray: ShadowRay) -> tuple[Line, Root]:
         """Where a surface that blocks a shadow ray does so: the line and its root."""
         raise NotImplementedError
-
-    def contains(self, entry: Entry) -> bool:
-        """Whether it is a closed surface, and a ray enters the region of clipping planes strictly inside of it."""
-        return False
-
-    def solids(self, ray: Ray | ShadowRay) -> Iterator[Surface]:
-        """What of it may contain a point of a ray: itself, where it is no group of solids."""
-        yield self
-
-    def parts(self, ray: Ray | ShadowRay) -> Iterator[Surface]:
-        """What a ray may meet of it, by rising numbers: itself, where it is no group."""
-        yield self
 
 
 class Setting(NamedTuple):
@@ -221,42 +231,6 @@ def comes_first(ray: Ray, surface: Surface, t: float, other: Surface, best: floa
     return t < best
 
 
-class Group(Surface):
-    """Surfaces of which a ray meets the nearest one; of equally near ones, the first one.
-
-    number: the first one's.
-    """
-
-    def __init__(self, number: int, view: View) -> None:
-        self.number, self.view = number, view
-        # It is asked about a ray twice: first where it meets the group, then what is there.
-        self._first = lru_cache(maxsize=1)(self._find)
-
-    @abstractmethod
-    def near(self, way: Way | None) -> Iterator[Surface]:
-        """The surfaces that a ray may meet, by rising numbers; all of them if nothing is known of its way."""
-
-    def parts(self, ray: Ray | ShadowRay) -> Iterator[Surface]:
-        return self.near(ray.way_of_light if isinstance(ray, ShadowRay) else way_of(ray, self.view))
-
-    def intersect(self, ray: Ray) -> float | None:
-        met = self._first(ray)
-        return met[0] if met else None
-
-    def exact_t(self, ray: Ray) -> Root:
-        return self._met_by(ray).exact_t(ray)
-
-    def intersection_at(self, ray: Ray, t: float) -> Intersection:
-        return self._met_by(ray).intersection_at(ray, t)
-
-    def blocks(self, ray: ShadowRay) -> bool:
-        return any(surface.blocks(ray) for surface in self.parts(ray))
-
-    def _find(self, ray: Ray) -> tuple[float, Surface] | None:
-        return first_met(self.parts(ray), ray)
-
-    def _met_by(self, ray: Ray) -> Surface:
-        met = self._first(ray)
-        if met is None:
-            raise ValueError("the ray does not hit the surface")
-        return met[1]
+def way_along(ray: Ray | ShadowRay, view: View) -> Way | None:
+    """In doubles, None if these may not decide: a ray, and a shadow ray as the light comes."""
+    return ray.way_of_light if isinstance(ray, ShadowRay) else way_of(ray, view)

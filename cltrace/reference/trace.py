@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from cltrace.reference.bounce import Bounce, bounces
 from cltrace.reference.lights import Light, ShadowRay
-from cltrace.reference.rays import OnPlane, Ray, view_of
+from cltrace.reference.rays import Ray, start_on_plane, view_of
 from cltrace.reference.records import BLACK, Fate, Illumination, Pixel, Shading, Sight
 from cltrace.reference.surfaces import Intersection, Surface, first_met
 from cltrace.reference.vectors import EYE, Color, Direction
@@ -29,14 +29,13 @@ def primary_ray(camera: AnyCamera, u: int, v: int) -> Ray:
     x = (2 * u + 1 - width) * (half_width / width)
     y = (height - 1 - 2 * v) * (half_height / height)
     if camera.parallel:
-        return Ray(OnPlane(view_of(camera), x, y), Direction(0.0, 0.0, -1.0))
+        return Ray(start_on_plane(view_of(camera), x, y), Direction(0.0, 0.0, -1.0))
     return Ray(EYE, Direction(x, y, -1.0))
 
 
 def closest_hit(world: World, ray: Ray) -> Intersection | None:
     """The nearest intersection; of equally near ones, that with the surface of the lowest number."""
-    surfaces = world.region.parts(world.surfaces, ray) if world.region.planes else world.surfaces
-    met = first_met(surfaces, ray)
+    met = first_met(world.parts(ray), ray)
     return intersection_at(ray, *met) if met else None
 
 
@@ -47,10 +46,7 @@ def intersection_at(ray: Ray, t: float, surface: Surface) -> Intersection:
 
 def cast_shadow_ray(world: World, at: Intersection, light: Light) -> bool:
     """Whether anything stands between the point and the light; what is behind the light does not."""
-    ray = ShadowRay(at.start, at.inside, light)
-    if world.region.planes:
-        return any(world.region.blockers(world.surfaces, ray))
-    return any(surface.blocks(ray) for surface in world.surfaces)
+    return any(world.blockers(ShadowRay(at.start, at.inside, light)))
 
 
 def illuminate(world: World, ray: Ray, at: Intersection, light: Light) -> Illumination:

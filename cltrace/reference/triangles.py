@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cltrace.exact.lines import ExactPoint, Line, Root
+from cltrace.exact.lines import Line, Root
 from cltrace.exact.shapes import Across, ExactTriangle
 from cltrace.reference.lights import ShadowRay
 from cltrace.reference.rays import Ray, Start, Way, exact_line, way_of
-from cltrace.reference.surfaces import UV, Group, Intersection, Setting, Surface
+from cltrace.reference.surfaces import UV, Intersection, Setting, Shape, Surface, way_along
 from cltrace.reference.vectors import Direction, Matrix, Point, size_of
 from cltrace.scene import PlacedMesh
 
@@ -24,93 +24,26 @@ if TYPE_CHECKING:
 Weights = tuple[float, float, float]  # of a triangle's corners A, B and C, which add up to 1
 
 
-@dataclass(frozen=True)
-class OnTriangle(Start):
-    """A point of a triangle: exactly V + u (V' - V) + v (V'' - V).
-
-    corner: which of the three corners V is, the anchor; V' and V'' are those that come after it, going round; u, v:
-    their weights, from 2^-64 to 1/2. So the point is in the triangle's plane, and strictly within its edges: a ray from
-    there meets the triangles beside it, or does not, as it must. On an edge it would be in their planes, too, and no
-    ray that starts in a plane meets it.
-    """
-
-    LEAST, MOST = 2.0**-64, 0.5
-
-    triangle: Triangle
-    corner: int
-    u: float
-    v: float
-
-    @classmethod
-    def near(cls, triangle: Triangle, weights: Weights) -> OnTriangle:
-        """The point of these weights, but for rounding, from the corner that it is nearest to by them."""
-        k = weights.index(max(weights))
-        u, v = (max(cls.LEAST, min(cls.MOST, w)) for w in (weights[k - 2], weights[k - 1]))
-        return cls(triangle, k, u, v)
-
-    @property
-    def weights(self) -> Weights:
-        """Of the triangle's corners A, B and C."""
-        from_v = ((1 - self.u) - self.v, self.u, self.v)
-        return from_v[-self.corner], from_v[1 - self.corner], from_v[2 - self.corner]
-
-    @property
-    def surface(self) -> Triangle:
-        return self.triangle
-
-    @property
-    def place(self) -> Point:
-        return self.triangle.places[self.corner]
-
-    @cached_property
-    def anchor(self) -> Point:
-        return self.triangle.seen_corner(self.corner)
-
-    @cached_property
-    def step(self) -> Direction:
-        V, V1, V2 = (self.triangle.places[(self.corner + i) % 3] for i in range(3))
-        return (V1 - V) * self.u + (V2 - V) * self.v
-
-    @property
-    def reach(self) -> float:
-        """By |V' - V| u + |V'' - V| v: no edge is longer than the other two, and u and v are at most 1/2."""
-        return self.triangle.size
-
-    @cached_property
-    def exact_point(self) -> ExactPoint:
-        return self.triangle.exact.point(self.corner, self.u, self.v)
-
-
-class Mesh(Group):
-    """Triangles, of which a ray meets the nearest one; of equally near ones, the one of the lowest number.
-
-    of: the scene's.
-    """
+class Mesh(Shape):
+    """Triangles. of: the scene's."""
 
     kind = "mesh"
 
     def __init__(self, of: PlacedMesh, setting: Setting) -> None:
-        super().__init__(of.number, setting.view)
-        self.of, self.material = of, setting.material(of.material)
+        self.of, self.number, self.view = of, of.number, setting.view
+        self.material, self.clipped = setting.material(of.material), of.clipped
         self.normal_to_world = Matrix(*(Direction(*row) for row in of.normal_to_world.tolist()))
-        self.clipped = of.clipped
-        self._triangles: dict[int, Triangle] = {}
-
-    def triangle(self, primitive: int) -> Triangle:
-        if primitive not in self._triangles:
-            self._triangles[primitive] = Triangle(self, primitive)
-        return self._triangles[primitive]
+        self.triangle = cache(partial(Triangle, self))
 
     def contains(self, entry: Entry) -> bool:
         """By an odd number of triangles beyond the point, which none of them holds."""
         if not self.of.geometry.closed:
             return False
-        parts = (part for part in self.parts(entry.ray) if isinstance(part, Triangle))
-        met = (part.exact.met_by(entry.height.line) for part in parts)
+        met = (part.exact.met_by(entry.height.line) for part in self.parts(entry.ray))
         sides = [entry.height.sign_at(across.root) for across in met if across]
         return 0 not in sides and sides.count(1) % 2 == 1
 
-    def near(self, way: Way | None) -> Iterator[Triangle]:
+    def parts(self, ray: Ray | ShadowRay) -> Iterator[Triangle]:
         """The triangles that a ray may meet, in order. All others it surely passes by.
 
         Seen from its start, a ray along w is where w x P = 0, and w.P > 0. Two coordinates of w x P, those that have
@@ -122,7 +55,7 @@ class Mesh(Group):
         quite 0 on the ray: at a distance of M at most, which is t <= 2 M / |w|, by 2 * 48 u w1 |w| t, or 192 u w1 M.
         With w1 <= 4 |w|_1, all of it is below 2^-41 (M + reach) |w|_1.
         """
-        faces = self.of.geometry.faces
+        faces, way = self.of.geometry.faces, way_along(ray, self.view)
         rows = np.arange(len(faces))
         if way is not None and way.w1 <= 4 * size_of(way.w):
             w = np.array(tuple(way.w))
@@ -276,9 +209,10 @@ class Triangle(RoughFace, Surface):
         """The triangle as the exact engine has it."""
         return ExactTriangle(self.places)
 
-    def seen_corner(self, corner: int) -> Point:
-        """A corner in camera space, rounded."""
-        return self.view.seen(self.exact.corners[corner])
+    @cached_property
+    def seen_corners(self) -> list[Point]:
+        """In camera space, rounded."""
+        return [self.view.seen(corner) for corner in self.exact.corners]
 
     def intersect(self, ray: Ray) -> float | None:
         if self._is_left_by(ray.origin):
@@ -318,8 +252,9 @@ class Triangle(RoughFace, Surface):
         else:
             sure = self._met_by(ray)
             point = crossing if crossing and crossing.has_point else sure
-        start = OnTriangle.near(self, _three(*point.weights()))
-        normal, inside = self.normal(start.weights), sure.side == self.front
+        b, c = point.weights()
+        start = self.start(*nearest_corner((1 - b) - c, b, c))
+        normal, inside = self.normal(weights_of(*start.on)), sure.side == self.front
         turned = normal.dot(ray.direction) > 0
         return Intersection(
             point=ray.at(t),
@@ -329,15 +264,31 @@ class Triangle(RoughFace, Surface):
             inside=inside,
             start=start,
             material=self.material,
-            uv=self.uv(start.weights),
+            uv=self.uv(weights_of(*start.on)),
             index=self.number,
             primitive=self.primitive,
             turned=turned,
         )
 
-    def _is_left_by(self, start: object) -> bool:
+    def start(self, corner: int, u: float, v: float) -> Start:
+        """The point of a ray's start: exactly V + u (V' - V) + v (V'' - V).
+
+        corner: which of the three corners V is, the anchor; V' and V'' are those that come after it, going round; u, v:
+        their weights, from LEAST to MOST. So the point is in the triangle's plane, and strictly within its edges: a ray
+        from there meets the triangles beside it, or does not, as it must. On an edge it would be in their planes, too,
+        and no ray that starts in a plane meets it.
+        """
+        V, V1, V2 = (self.places[(corner + i) % 3] for i in range(3))
+        step = (V1 - V) * u + (V2 - V) * v
+        seen, from_anchor = self.seen_corners[corner], self.view.B @ step
+        exact = partial(self.exact.point, corner, u, v)
+        # |V' - V| u + |V'' - V| v is less: no edge is longer than the other two, and u and v are at most 1/2.
+        reach = self.size
+        return Start(self, self.view, V, seen, step, from_anchor, reach, seen + from_anchor, exact, on=(corner, u, v))
+
+    def _is_left_by(self, start: Point | Start) -> bool:
         """It is flat: what leaves it never meets it again."""
-        return isinstance(start, OnTriangle) and start.triangle is self
+        return isinstance(start, Start) and start.surface is self
 
     def _crossing(self, ray: Ray) -> Crossing | None:
         way = way_of(ray, self.view)
@@ -383,10 +334,22 @@ class Triangle(RoughFace, Surface):
         return (a * A[0] + b * B[0]) + c * C[0], (a * A[1] + b * B[1]) + c * C[1]
 
 
-def _three(b: float, c: float) -> Weights:
-    """The weights of all three corners from those of two. Rounding may leave nothing for the first one."""
-    a = (1 - b) - c
-    return (a if a > 0 else 0.0), b, c
+LEAST, MOST = 2.0**-64, 0.5  # of the weights of a start
+
+
+def nearest_corner(*weights: float) -> tuple[int, float, float]:
+    """The corner that the point of these weights is nearest to by them, and those of the two that come after it."""
+    # Rounding may leave nothing for the first one.
+    w = [x if x > 0 else 0.0 for x in weights]
+    k = w.index(max(w))
+    u, v = (max(LEAST, min(MOST, x)) for x in (w[k - 2], w[k - 1]))
+    return k, u, v
+
+
+def weights_of(corner: int, u: float, v: float) -> Weights:
+    """The weights of a triangle's corners A, B and C at the point of a start."""
+    from_v = ((1 - u) - v, u, v)
+    return from_v[-corner], from_v[1 - corner], from_v[2 - corner]
 
 
 def _positive_quotient(x: float, y: float) -> float:

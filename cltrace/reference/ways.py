@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -34,16 +33,9 @@ class Meeting:
 
 def meetings(world: World, ray: Ray, at: Intersection | None) -> list[Meeting]:
     """The surfaces that a ray meets, the nearest ones first. at: what it meets first."""
-    met = [(t, surface) for surface in _parts(world, ray) if (t := surface.intersect(ray)) is not None]
+    met = [(t, surface) for surface in world.parts(ray) if (t := surface.intersect(ray)) is not None]
     met.sort(key=lambda one: (at is None or not _is_seen(at, one[1]), one[0]))
     return [Meeting(surface, t, at is not None and _ties(ray, at, surface, t)) for t, surface in met]
-
-
-def _parts(world: World, ray: Ray) -> Iterator[Surface]:
-    """The surfaces that a ray may meet, those of groups one by one."""
-    if world.region.planes:
-        return world.region.parts(world.surfaces, ray)
-    return (part for surface in world.surfaces for part in surface.parts(ray))
 
 
 def _is_seen(at: Intersection, surface: Surface) -> bool:
@@ -61,7 +53,7 @@ def _ties(ray: Ray, at: Intersection, surface: Surface, t: float) -> bool:
 def blockers(world: World, at: Intersection, of: Illumination) -> list[Meeting]:
     """The surfaces between a point and a light, the nearest ones first. t: of the ray along of.w."""
     shadow, ray = ShadowRay(at.start, at.inside, of.light), Ray(at.start, of.w)
-    found = list(world.region.blockers(world.surfaces, shadow))
+    found = list(world.blockers(shadow))
     # At an edge, a ray that comes from the light may meet what one that leads to it passes by.
     ends = [(surface.intersect(ray), surface) for surface in found]
     return sorted((Meeting(s, math.inf if t is None else t) for t, s in ends), key=lambda meeting: meeting.t)
@@ -70,7 +62,7 @@ def blockers(world: World, at: Intersection, of: Illumination) -> list[Meeting]:
 def behind(world: World, at: Intersection, of: Illumination) -> Meeting | None:
     """The first surface on the way to a light that nothing hides, which is behind it."""
     ray = Ray(at.start, of.w)
-    met = first_met(_parts(world, ray), ray)
+    met = first_met(world.parts(ray), ray)
     return Meeting(met[1], met[0]) if met else None
 
 

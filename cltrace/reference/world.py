@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from cltrace.reference import lights
 from cltrace.reference.clipping import Region, region_of
 from cltrace.reference.cylinders import cylinders
-from cltrace.reference.lights import Light
-from cltrace.reference.rays import view_of
+from cltrace.reference.lights import Light, ShadowRay, light_of
+from cltrace.reference.rays import Ray, view_of
 from cltrace.reference.spheres import spheres
-from cltrace.reference.surfaces import Material, Setting, Surface, Texture
+from cltrace.reference.surfaces import Material, Setting, Shape, Surface, Texture
 from cltrace.reference.triangles import meshes
 from cltrace.reference.vectors import Color, color_of
 from cltrace.scene import AMBIENT, AnyCamera, Scene
 
-Kinds = Mapping[str, Callable[[Setting], Iterable[Surface]]]
+Kinds = Mapping[str, Callable[[Setting], Iterable[Shape]]]
 
 # The table of shapes: what makes a scene's surfaces of each kind, which do not overlap in their numbers. To add one is
 # to add its file and a row: nothing else names a kind of surface.
@@ -28,14 +27,22 @@ KINDS: Kinds = {"spheres": spheres, "meshes": meshes, "cylinders": cylinders}
 
 @dataclass(frozen=True)
 class World:
-    """A scene in camera space. surfaces: in the order of their numbers; region: what its planes keep."""
+    """A scene in camera space. surfaces: by rising numbers; region: what its planes keep."""
 
     camera: AnyCamera
-    surfaces: Sequence[Surface]
+    surfaces: Sequence[Shape]
     region: Region
     lights: Sequence[Light]
     ambient: Color
     background: Color
+
+    def parts(self, ray: Ray) -> Iterator[Surface]:
+        """The surfaces that a ray may meet first, by rising numbers, and before them the cap where it meets one."""
+        return self.region.parts(self.surfaces, ray)
+
+    def blockers(self, ray: ShadowRay) -> Iterator[Surface]:
+        """The surfaces that stand between the start of a shadow ray and its light."""
+        return self.region.blockers(self.surfaces, ray)
 
 
 def world_of(scene: Scene, kinds: Kinds = KINDS) -> World:
@@ -45,7 +52,7 @@ def world_of(scene: Scene, kinds: Kinds = KINDS) -> World:
     surfaces = [surface for make in kinds.values() for surface in make(setting)]
     surfaces.sort(key=lambda surface: surface.number)
     shining = scene.lamps[scene.lamps["kind"] != AMBIENT]
-    lamps = [lights.KINDS[int(light["kind"])](light, view) for light in shining]
+    lamps = [light_of(light, view) for light in shining]
     ambient = scene.lights["color"][scene.lights["kind"] == AMBIENT].sum(axis=0)
     return World(
         scene.camera,

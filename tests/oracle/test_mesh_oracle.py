@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
-from typing import cast
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from cltrace import Camera, Mesh, Scene, parallel_light, point_light
 from cltrace.exact.surds import Surd
 from cltrace.oracle.search import Kinds
 from cltrace.oracle.shapes import Spheres, Triangles
-from cltrace.reference import OnTriangle, Ray, world_of
+from cltrace.reference import Ray, world_of
 from cltrace.reference.bounce import mirrored
 from cltrace.reference.trace import closest_hit, illuminate, primary_ray
 
@@ -88,8 +87,8 @@ def test_the_reference_s_rays_from_triangles_in_a_regime(name: str) -> None:
         at = closest_hit(world, ray)
         if at is None:
             continue
-        start, own = cast(OnTriangle, at.start), np.array([first[at.index] + at.primitive])
-        place = on_triangles(triangles, own, np.array([start.corner]), np.array([[start.u, start.v]]))
+        (corner, *uv), own = at.start.on, np.array([first[at.index] + at.primitive])
+        place = on_triangles(triangles, own, np.array([corner]), np.array([uv]))
         out = mirrored(ray.direction, at.outward, at.side)
         item = kinds.closest(along(place, np.array([tuple(out)]), basis)).item[0]
         met = closest_hit(world, Ray(at.start, out))

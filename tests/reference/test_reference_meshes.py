@@ -30,12 +30,10 @@ from cltrace.reference import (
     EYE,
     Direction,
     Intersection,
-    OnSphere,
-    OnTriangle,
     Point,
     Ray,
-    Round,
     ShadowRay,
+    Sphere,
     Start,
     Texture,
     World,
@@ -54,18 +52,30 @@ def scene_of(*meshes: Mesh, camera: Camera = AXES, lights: tuple = ()) -> Scene:
     return Scene.from_meshes(camera, lights, meshes)
 
 
-def starts_of(world: World, rng: np.random.Generator) -> OnTriangle:
+def mesh_of(world: World) -> ReferenceMesh:
+    return next(surface for surface in world.surfaces if isinstance(surface, ReferenceMesh))
+
+
+def ball_of(world: World, i: int = 0) -> Sphere:
+    return [surface for surface in world.surfaces if isinstance(surface, Sphere)][i]
+
+
+def starts_of(world: World, rng: np.random.Generator) -> Start:
     """A point of some triangle of the first mesh: often on an edge or a corner."""
-    mesh = world.surfaces[0]
-    assert isinstance(mesh, ReferenceMesh)
+    mesh = mesh_of(world)
     u, v = rng.choice([0.0, 0.25, 0.5, float(rng.uniform(0, 0.5))], 2).tolist()
-    return OnTriangle(mesh.triangle(int(rng.integers(len(mesh.of.geometry.faces)))), int(rng.integers(3)), u, v)
+    return mesh.triangle(int(rng.integers(len(mesh.of.geometry.faces)))).start(int(rng.integers(3)), u, v)
 
 
-def place_of(scene: Scene, start: OnTriangle) -> Vector:
+def own_of(start: Start) -> tuple[int, int]:
+    """The number of the triangle on which a start is."""
+    return start.surface.number, start.surface.primitive
+
+
+def place_of(scene: Scene, start: Start) -> Vector:
     """The point in the world, exactly."""
-    corners = next(c for n, i, c in corners_of(scene) if (n, i) == (start.triangle.number, start.triangle.primitive))
-    return triangle_point(corners, start.corner, start.u, start.v)
+    corners = next(c for n, i, c in corners_of(scene) if (n, i) == own_of(start))
+    return triangle_point(corners, *start.on)
 
 
 def compare(scene: Scene, world: World, ray: Ray, origin: Vector, own: tuple[int, int] | None = None) -> bool:
@@ -93,8 +103,7 @@ def test_rays_among_whole_numbers(seed: int) -> None:
     for i in rng.choice(len(WAYS), 30, replace=False):
         compare(scene, world, Ray(EYE, WAYS[i]), exactly(eye))
         start = starts_of(world, rng)
-        own = start.triangle.number, start.triangle.primitive
-        compare(scene, world, Ray(start, WAYS[i]), place_of(scene, start), own)
+        compare(scene, world, Ray(start, WAYS[i]), place_of(scene, start), own_of(start))
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e7])
@@ -113,7 +122,7 @@ def test_rays_among_doubles(seed: int, offset: float) -> None:
         a, b = vertices[rng.integers(len(vertices), size=2)]
         at = a + (b - a) * rng.choice([0, 0.5, rng.random()])
         start = starts_of(world, rng)
-        own, place = (start.triangle.number, start.triangle.primitive), place_of(scene, start)
+        own, place = own_of(start), place_of(scene, start)
         d = Direction(*(basis @ (at - eye)).tolist())
         met += compare(scene, world, Ray(EYE, d), exactly(eye))
         along = basis @ (at - np.array([float(x) for x in place]))
@@ -152,13 +161,12 @@ def test_rays_from_spheres(seed: int) -> None:
     center, radius = rng.integers(-2, 3, 3), float(rng.choice([5, 3, 7, 1]))
     scene = Scene.from_spheres(camera, (), [center], [radius], meshes=[mesh])
     world = world_of(scene)
-    sphere = world.surfaces[0]
-    assert isinstance(sphere, Round)
+    sphere = ball_of(world)
     others = world_of(Scene.from_meshes(camera, (), [mesh]))
     for n in PYTHAGORAS:
         length = math.isqrt(sum(x * x for x in n))
         place = exactly([Fraction(int(c)) + Fraction(int(radius) * x, length) for c, x in zip(center, n, strict=True)])
-        start = OnSphere(sphere, Direction(*n))
+        start = sphere.start(Direction(*n))
         for i in rng.choice(len(WAYS), 6, replace=False):
             want = nearest(scene_of(mesh, camera=camera), place, in_world(scene, WAYS[i]))
             got = closest_hit(others, Ray(start, WAYS[i]))
@@ -181,16 +189,14 @@ def test_doubles_are_sure_only_where_exact_numbers_agree(offset: float) -> None:
         centers = vertices[:2] + 0.1
         scene = Scene.from_spheres(camera, lights, centers, [0.5, 0.5], transform=maps, meshes=[mesh])
         world = world_of(scene)
-        triangles = world.surfaces[2]
-        assert isinstance(triangles, ReferenceMesh)
+        triangles = mesh_of(world)
         basis = np.array(camera.basis())
         for _ in range(20):
             n = Direction(*rng.normal(size=3)).normalized()
             corner, u, v = int(rng.integers(3)), *rng.uniform(0, 0.5, 2).tolist()
-            ball = world.surfaces[int(rng.integers(2))]
-            assert isinstance(ball, Round)
+            ball = ball_of(world, int(rng.integers(2)))
             own = triangles.triangle(int(rng.integers(9)))
-            starts: list[Start] = [OnSphere(ball, n), OnTriangle(own, corner, u, v)]
+            starts: list[Start] = [ball.start(n), own.start(corner, u, v)]
             for start in (EYE, *starts):
                 at = start.point if isinstance(start, Start) else start
                 a, b = vertices[rng.integers(9, size=2)]
@@ -200,7 +206,7 @@ def test_doubles_are_sure_only_where_exact_numbers_agree(offset: float) -> None:
                 assert way is not None
                 for i in range(9):
                     triangle, line = triangles.triangle(i), exact_line(ray, triangles.view)
-                    if isinstance(start, OnTriangle) and start.triangle is triangle:
+                    if isinstance(start, Start) and start.surface is triangle:
                         continue
                     crossing, across = Crossing(triangle, way), triangle.exact.met_by(line)
                     across = across if across and across.root.is_between(0.0, math.inf) else None
@@ -214,9 +220,8 @@ def test_doubles_are_sure_only_where_exact_numbers_agree(offset: float) -> None:
                         assert abs(Fraction(crossing.t) - t) <= t * Fraction(2) ** -24
             for light in world.lights:
                 shadow = ShadowRay(starts[int(rng.integers(2))], False, light)
-                way = shadow.way_of_light
-                assert way is not None
-                near = set(triangles.near(way))
+                assert shadow.way_of_light is not None
+                near = set(triangles.parts(shadow))
                 for i in range(9):
                     triangle = triangles.triangle(i)
                     if shadow.start.surface is triangle:
@@ -243,10 +248,8 @@ def test_every_value_is_within_its_bound() -> None:
         camera = Camera(tuple(eye), tuple(eye + rng.normal(size=3)), tuple(rng.normal(size=3)), resolution=(1, 1))
         scene = Scene.from_spheres(camera, (), eye[None] + 0.1, 1.0, meshes=[mesh])
         world = world_of(scene)
-        ball, triangles = world.surfaces
-        assert isinstance(ball, Round)
-        assert isinstance(triangles, ReferenceMesh)
-        on_ball = OnSphere(ball, Direction(*rng.normal(size=3)).normalized())
+        ball, triangles = ball_of(world), mesh_of(world)
+        on_ball = ball.start(Direction(*rng.normal(size=3)).normalized())
         for start in (EYE, on_ball, starts_of(world_of(scene_of(mesh, camera=camera)), rng)):
             ray = Ray(start, Direction(*rng.normal(size=3)))
             way, line = way_of(ray, triangles.view), exact_line(ray, triangles.view)
@@ -283,8 +286,7 @@ def test_at_a_point_of_a_triangle() -> None:
     assert (at.t, at.distance, at.inside, at.uv) == (2, 2, False, (1, 2))
     assert at.normal == at.outward == Direction(0, 0, 1)
     start = at.start
-    assert isinstance(start, OnTriangle)
-    assert (start.corner, start.u, start.v) == (0, 0.25, 0.25)
+    assert start.on == (0, 0.25, 0.25)
     assert start.point == at.point == Point(0, 0, -2)
     assert start.exact_point.fractions() == (0, 0, -2)
     assert start.height(Point(5, 6, 1), at.outward) == 3
@@ -294,9 +296,8 @@ def test_at_a_point_of_a_triangle() -> None:
 def test_the_corner_of_the_largest_weight_is_the_anchor(turn: int) -> None:
     corners = [(0, 1, 2), (1, 2, 0), (2, 0, 1)][turn]
     start = seen(scene_of(Mesh([(-1, -1, -2), (3, -1, -2), (-1, 2.5, -2)], [corners]))).start
-    assert isinstance(start, OnTriangle)
     assert start.place == Point(-1, -1, -2)
-    assert (start.corner, start.u, start.v) == (-turn % 3, 0.25, pytest.approx(2 / 7))
+    assert start.on == (-turn % 3, 0.25, pytest.approx(2 / 7))
 
 
 @pytest.mark.parametrize("reach", [1e7, 1e10])
@@ -308,7 +309,6 @@ def test_points_of_narrow_triangles_are_on_their_rays(reach: float) -> None:
     for u, v in itertools.product(range(24), range(16)):
         at = closest_hit(world, primary_ray(camera, u, v))
         if at is not None:
-            assert isinstance(at.start, OnTriangle)
             off = at.start.point - at.point
             assert off.dot(off) < (1e-6 * at.t) ** 2
             met += 1
@@ -381,7 +381,7 @@ def test_a_textured_surface_has_the_product_of_both_colours() -> None:
 
 
 def test_where_a_texture_is_on_a_sphere() -> None:
-    ball = world_of(Scene.from_spheres(AXES, (), [(0, 0, 0)], [1])).surfaces[0]
+    ball = ball_of(world_of(Scene.from_spheres(AXES, (), [(0, 0, 0)], [1])))
     for origin, uv in (
         (Point(0, 0, 3), (0.5, 0.5)),
         (Point(3, 0, 0), (0.75, 0.5)),
@@ -400,9 +400,7 @@ def test_a_needle_without_a_normal_in_doubles_has_one() -> None:
     """Its edges' cross product vanishes by rounding."""
     e = 2.0**-52
     mesh = Mesh([(0, 0, -2), (1 + e, 1, -2), (1 + 2 * e, 1 + e, -2)], [(0, 1, 2)])
-    triangle = world_of(scene_of(mesh)).surfaces[0]
-    assert isinstance(triangle, ReferenceMesh)
-    needle = triangle.triangle(0)
+    needle = mesh_of(world_of(scene_of(mesh))).triangle(0)
     assert Direction(0, 0, 0) == needle.N
     assert needle.exact.normal != (0, 0, 0)
     assert abs(needle.normal((1, 0, 0)).z) == 1
@@ -431,8 +429,7 @@ def test_a_fan_owns_each_ray_once() -> None:
     rng = np.random.default_rng(1)
     for _ in range(8):
         faces = [rng.permutation([0, i + 1, (i + 1) % 8 + 1]) for i in range(8)]
-        mesh = world_of(scene_of(Mesh(vertices, faces))).surfaces[0]
-        assert isinstance(mesh, ReferenceMesh)
+        mesh = mesh_of(world_of(scene_of(Mesh(vertices, faces))))
         for x, y in itertools.product(range(-4, 5), repeat=2):
             ray = Ray(EYE, Direction(x / 2, y / 2, -4))
             owners = [i for i in range(8) if mesh.triangle(i).intersect(ray) is not None]
@@ -498,18 +495,16 @@ def test_shadows_among_whole_numbers(seed: int) -> None:
     lights = (*map(point_light, sites), *map(parallel_light, ways))
     scene = Scene.from_spheres(camera, lights, [center], [radius], meshes=[mesh])
     world = world_of(scene)
-    ball, triangles = world.surfaces
-    assert isinstance(ball, Round)
-    assert isinstance(triangles, ReferenceMesh)
+    ball, triangles = ball_of(world), mesh_of(world)
     blocked = 0
     for k in range(12):
         n = PYTHAGORAS[k % 8]
         corner, u, v = int(rng.integers(3)), *rng.choice([0, 0.25, 0.5], 2).tolist()
-        leaf = OnTriangle(triangles.triangle(int(rng.integers(12))), corner, u, v)
+        leaf = triangles.triangle(int(rng.integers(12))).start(corner, u, v)
         length = math.isqrt(sum(x * x for x in n))
         on_ball = exactly([Fraction(int(c)) + Fraction(5 * x, length) for c, x in zip(center, n, strict=True)])
-        for start, place in ((leaf, place_of(scene, leaf)), (OnSphere(ball, Direction(*n)), on_ball)):
-            own = start.triangle.primitive if isinstance(start, OnTriangle) else -1
+        for start, place in ((leaf, place_of(scene, leaf)), (ball.start(Direction(*n)), on_ball)):
+            own = start.surface.primitive
             for i, light in enumerate(world.lights):
                 ray = ShadowRay(start, False, light)
                 for _, j, corners in corners_of(scene):
@@ -520,7 +515,8 @@ def test_shadows_among_whole_numbers(seed: int) -> None:
                     want = j != own and t is not None and (i >= 4 or t < 1)
                     assert triangles.triangle(j).blocks(ray) is want
                     blocked += want
-                assert triangles.blocks(ray) is any(triangles.triangle(j).blocks(ray) for j in range(12))
+                others = (triangles.triangle(j) for j in range(12))
+                assert any(part.blocks(ray) for part in triangles.parts(ray)) is any(x.blocks(ray) for x in others)
     assert blocked > 10
 
 
