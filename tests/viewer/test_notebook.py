@@ -1,41 +1,25 @@
-"""Notebooks: one that is executed without a browser, and one in JupyterLab, in Chromium, where these are."""
+"""Notebooks: one that is executed without a browser, and views of a widget in Chromium, where these are."""
 
 # ruff: noqa: F401, F811
 from __future__ import annotations
 
 import base64
-import io
-import os
-import socket
-import subprocess
-import sys
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from PIL import Image as Picture
 
 # Fixtures and helpers of the page's tests: the widget is the same page.
-from test_browser import SIZE, browser, middle, page, rested, shown
+from test_browser import browser, page
 from test_server import FILE
 
 import cltrace
 from cltrace.run.devices import choose
-from cltrace.viewer import cameras
-from cltrace.viewer.messages import Event
+from cltrace.viewer.messages import Event, Message
 from cltrace.viewer.session import Session
 from cltrace.viewer.stage import Stage
 
 pytestmark = pytest.mark.slow
-
-
-def nbformat() -> Any:
-    """Not imported above, as that takes seconds of whatever tests are run."""
-    return pytest.importorskip("nbformat", reason="pip install jupyterlab")
 
 
 # How a notebook's own elements look, which is none of the widget's business.
@@ -47,18 +31,14 @@ STYLES = """() => ['header', 'fieldset', 'button', 'p', 'pre', 'form', 'canvas']
 })"""
 
 
-def notebook(spec: str, *cells: str) -> Any:
-    first = f"import cltrace\nscene = cltrace.load({str(FILE)!r})\nview = cltrace.view(scene, {spec!r})\nview"
-    kernel = {"kernelspec": {"name": "python3", "display_name": "Python 3"}}
-    v4 = nbformat().v4
-    return v4.new_notebook(metadata=kernel, cells=list(map(v4.new_code_cell, (first, *cells))))
-
-
 def test_executed(spec: str, tmp_path: Path) -> None:
     """Its picture is the command's, and is in the page that nbconvert makes."""
-    nbclient = pytest.importorskip("nbclient")
-    nbconvert = pytest.importorskip("nbconvert")
-    book = nbformat().from_dict(notebook(spec, "view.camera == scene.camera"))
+    nbclient, nbconvert = (pytest.importorskip(name) for name in ("nbclient", "nbconvert"))
+    nbformat = pytest.importorskip("nbformat")  # which takes seconds of whatever tests are run
+    first = f"import cltrace\nscene = cltrace.load({str(FILE)!r})\nview = cltrace.view(scene, {spec!r})\nview"
+    cells = [*map(nbformat.v4.new_code_cell, (first, "view.camera == scene.camera"))]
+    kernel = {"kernelspec": {"name": "python3", "display_name": "Python 3"}}
+    book = nbformat.from_dict(nbformat.v4.new_notebook(metadata=kernel, cells=cells))
     nbclient.NotebookClient(book, store_widget_state=False).execute()
     (output,) = book.cells[0].outputs
     cltrace.render(cltrace.load(FILE), spec).save(tmp_path / "exact.png")
@@ -82,7 +62,7 @@ TWO_VIEWS = """async ([code, data]) => {
   window.roots = [...document.body.children].map((view) => view.shadowRoot);
   window.show = (head) => hearing.forEach((hear) => hear(head, [picture]));
   window.press = (key) => roots[0].querySelector('#picture').dispatchEvent(
-    new KeyboardEvent('keydown', { key, bubbles: true }));
+    new KeyboardEvent('keydown', { key, bubbles: true, composed: true }));
   window.slide = (value) => {
     const fov = roots[0].querySelector('#fov');
     fov.value = value;
@@ -91,15 +71,20 @@ TWO_VIEWS = """async ([code, data]) => {
 }"""
 
 
+def two_views(page: Any, picture: Message | None) -> None:
+    """Makes TWO_VIEWS, which show a picture."""
+    module = pytest.importorskip("cltrace.viewer.widget")
+    assert picture
+    page.evaluate(TWO_VIEWS, [module._module(), base64.b64encode(picture.data).decode()])
+    page.evaluate("(head) => show(head)", picture.head())
+
+
 def test_two_views_of_a_busy_kernel(page: Any, spec: str) -> None:
     """Ways are added up and a slider's last place counts until it hears them; both views show the same buttons."""
-    module = pytest.importorskip("cltrace.viewer.widget")
     session = Session(Stage(cltrace.load(FILE), choose(spec)))
     session.handle(Event("show", name="normal"))
-    _, exact = session.draw(), session.draw()
-    assert exact
-    page.evaluate(TWO_VIEWS, [module._module(), base64.b64encode(exact.data).decode()])
-    page.evaluate("(head) => show(head)", exact.head())
+    session.draw()
+    two_views(page, session.draw())
     checked = "() => roots.every((root) => root.querySelector('[name=view]:checked').value === 'normal')"
     page.wait_for_function(checked)
     page.evaluate("() => { said.length = 0; ['-', '+', '+', '+'].forEach(press); }")
@@ -113,97 +98,22 @@ def test_two_views_of_a_busy_kernel(page: Any, spec: str) -> None:
     assert [event["kind"] for event in page.evaluate("said.slice(3)")] == ["fov", "fit"]
 
 
-def answers(port: int) -> bool:
-    """Whether somebody listens there."""
-    with suppress(OSError), socket.create_connection(("127.0.0.1", port)):
-        return True
-    return False
-
-
-@contextmanager
-def jupyterlab(folder: Path) -> Iterator[str]:
-    """JupyterLab in its dark theme, with settings of its own, which asks for no build. Yields its address."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    page = folder / "config" / "labconfig"
-    page.mkdir(parents=True)
-    (page / "page_config.json").write_text('{"buildCheck": false}')
-    theme = folder / "config" / "lab" / "user-settings" / "@jupyterlab" / "apputils-extension"
-    theme.mkdir(parents=True)
-    (theme / "themes.jupyterlab-settings").write_text('{"theme": "JupyterLab Dark"}')
-    own = {"JUPYTER_CONFIG_DIR": "config", "JUPYTER_DATA_DIR": "data", "JUPYTER_RUNTIME_DIR": "run", "IPYTHONDIR": "i"}
-    env = os.environ | {name: str(folder / value) for name, value in own.items()}
-    options = [
-        "--no-browser",
-        "--allow-root",
-        f"--port={port}",
-        "--ServerApp.port_retries=0",
-        "--IdentityProvider.token=t",
-    ]
-    options += [f"--ServerApp.root_dir={folder}", "--LabApp.check_for_updates_class=jupyterlab.NeverCheckForUpdate"]
-    line = [sys.executable, "-m", "jupyterlab", *options]
-    log = folder / "log"
-    with log.open("w") as said, subprocess.Popen(line, stderr=said, env=env) as process:
-        try:
-            while not answers(port):
-                assert process.poll() is None, log.read_text()
-                time.sleep(0.2)
-            yield f"http://127.0.0.1:{port}/lab/tree/book.ipynb?token=t"
-        finally:
-            process.terminate()
-            process.wait(60)
-
-
-def test_in_jupyterlab(page: Any, spec: str, tmp_path: Path) -> None:
-    """The hand, the keys, the theme; the notebook around it stays as it is; the next cell has the camera."""
-    pytest.importorskip("jupyterlab")
-    nbformat().write(notebook(spec, "print(view.camera)"), tmp_path / "book.ipynb")
-    scene = cltrace.load(FILE)
-    with jupyterlab(tmp_path) as address:
-        page.goto(address)
-        page.wait_for_selector("text=/^Python 3.* [|] Idle$/")  # cells that are run before do nothing
-        before = page.evaluate(STYLES)
-        page.locator(".jp-Cell >> nth=0 >> .cm-content").press("Shift+Enter")
-        rested(page)
-        assert page.evaluate(STYLES) == before
-        home = cltrace.render(scene, spec, antialias=True).rgb8
-        assert (shown(page) == home).all()
-        assert luminance(page, "#views") < 100
-
-        # Keys and the wheel are the widget's where it has the focus, and else the notebook's.
-        x, y = middle(page)
-        page.mouse.move(x, y)
-        page.mouse.wheel(0, -100)
-        rested(page)
-        assert (shown(page) == home).all()
-        page.mouse.down()
-        page.mouse.move(x + 60, y - 30, steps=6)
-        page.mouse.up()
-        page.keyboard.press("o")
-        rested(page)
-        before = shown(page)
-        page.mouse.wheel(0, -100)
-        rested(page)
-        assert (shown(page) != before).any()
-        page.keyboard.press("ArrowLeft")
-        page.keyboard.press("r")
-        page.keyboard.press("u")
-        page.keyboard.press("x")  # which cuts a cell
-        rested(page)
-        assert page.locator(".jp-CodeCell").count() == 2
-        turned = shown(page)
-        page.locator(".jp-Cell >> nth=1 >> .cm-content").press("Shift+Enter")
-        printed = page.inner_text(".jp-Cell >> nth=1 >> .jp-OutputArea-output")
-        camera = eval(f"cltrace.{printed}", {"cltrace": cltrace})
-        assert isinstance(camera, cltrace.Orthographic)
-        way = cameras.orbit(scene.camera, 60 / SIZE[1], -30 / SIZE[1])  # in sums, and the arrow is undone
-        assert np.array(camera.basis()) == pytest.approx(np.array(way.basis()))
-        assert (turned == cltrace.render(scene.seen_by(camera), spec, antialias=True).rgb8).all()
-        page.close()  # before it misses its server
-
-
-def luminance(page: Any, selector: str) -> float:
-    """Of the corner of an element, 0 to 255."""
-    with Picture.open(io.BytesIO(page.locator(selector).screenshot())) as picture:
-        return float(np.asarray(picture.convert("L"))[-2:, -2:].mean())
+def test_the_page_around_a_view_stays_as_it_is(page: Any, spec: str) -> None:
+    """Its elements look as before, and keys and the wheel are the view's only where it has the focus. The view is dark
+    where the page's letters are light."""
+    page.evaluate("() => { document.body.style.color = 'white'; window.heard = []; }")
+    page.evaluate("() => addEventListener('keydown', ({ key }) => heard.push(key))")
+    before = page.evaluate(STYLES)
+    two_views(page, Session(Stage(cltrace.load(FILE), choose(spec))).draw())
+    assert page.evaluate(STYLES) == before
+    scheme = "roots[0].host.style.colorScheme"
+    assert page.evaluate(scheme) == "dark"
+    page.evaluate("() => { document.body.style.color = 'black'; }")
+    page.wait_for_function(f"() => {scheme} === 'light'")
+    page.evaluate("() => { said.length = 0; ['o', 'x'].forEach(press); }")
+    assert page.evaluate("heard") == ["x"]
+    assert page.evaluate("roots[0].host.dataset.lmSuppressShortcuts") == "true"  # by which JupyterLab leaves it alone
+    wheel = """(focus) => { const picture = roots[0].querySelector('#picture'); if (focus) picture.focus();
+      return picture.dispatchEvent(new WheelEvent('wheel', { deltaY: 9, cancelable: true })); }"""
+    assert [page.evaluate(wheel, focus) for focus in (False, True)] == [True, False]
+    assert [event["kind"] for event in page.evaluate("said")] == ["parallel", "zoom"]
