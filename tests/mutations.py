@@ -88,8 +88,8 @@ MUTATIONS = {
         LISTS,
     ),
     "spheres are not listed if their centre is out of view": Python(
-        "plan.accel.silhouettes:_beside",
-        lambda original, ends, radii, half: original(ends, 0 * radii, half),
+        "plan.accel.silhouettes:_beyond",
+        lambda original, place, radius, half: original(place, 0 * radius, half),
         LISTS,
     ),
     "of equal spheres the last one is kept": Python(

@@ -212,17 +212,6 @@ def _far_side(rng: np.random.Generator) -> Made:
     return away[:, None] * (way / np.linalg.norm(way, axis=1)[:, None]) + rng.normal(size=3), radii, _round(7)
 
 
-def _in_a_shell(rng: np.random.Generator) -> Made:
-    """A shell, a ball within it that touches it but for rounding, and a ball around that one an ulp larger."""
-    way, radius = rng.normal(size=3), rng.uniform(0.2, 0.8)
-    center = (1 - radius) * way / np.linalg.norm(way)
-    return (
-        np.array([np.zeros(3), center, center, -0.5 * center]),
-        np.array([1, radius, np.nextafter(radius, 2), 0.1]),
-        _round(4),
-    )
-
-
 def _many(rng: np.random.Generator) -> Made:
     """A ball among a thousand small ones."""
     way, n = rng.normal(size=(1000, 3)), 1001
@@ -237,7 +226,6 @@ PICTURES: dict[str, Regime] = {
     "grazing mirrors": Regime(room, (TOUCHING, ALONG), 0, 1e-15, 0.5),
     "grazing glass": Regime(room, (TOUCHING, ALONG, INWARDS), 1, 1e-15, 0.5),
     "the far side of glass": Regime(_far_side, (TOUCHING, INWARDS), 1),
-    "a ball in a shell": Regime(_in_a_shell),
     "a thousand balls round a mirror": Regime(_many, glass=0.1),
 }
 

@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 
 from cltrace.scene import Camera, Scene, ambient_light, parallel_light, point_light, spot_light
-from hostile.sphere_regimes import TANGENT, globe
+from hostile.sphere_regimes import TANGENT
 from hostile.sphere_scenes import (
     AHEAD,
     AXES,
@@ -68,30 +68,6 @@ def _ground(radius: float, height: float, amount: int) -> Scenes:
     dip = math.sqrt(2 * height / radius)
     for tan, size in ((14.1, (3, 300 * amount)), (4 * dip, (3, 300 * amount)), (2 * dip, frame(amount, 400))):
         yield balls(looking((0, height, 0), tan, size), [((0, -radius, 0), radius)])
-
-
-def _globes(radius: float, amount: int) -> Scenes:
-    """The same as for the ground, and no coordinate of the centre is exact."""
-    rng = np.random.default_rng(int(radius))
-    for seed in range(3 if amount == 1 else 20):
-        yield globe("G4", radius, (0, 0), seed, frame(amount, 300))
-        yield balls(looking(tan=1.5, size=frame(amount, 300)), [((-(radius + 1) * unit(rng)).tolist(), radius)])
-
-
-def _tiny(radius: float, distance: float, amount: int) -> Scenes:
-    """r^2 vanishes beside |C|^2, and a direction in float32 misses the sphere: whether it is hit is a coin toss."""
-    for axis in AXES[: 1 if amount == 1 else 6]:
-        center = np.array(axis) * distance + radius * np.array([0.31, -0.17, 0.23])
-        yield balls(looking(tan=1.2 * radius / distance, size=frame(amount), axis=axis), [(center.tolist(), radius)])
-    camera, rng = looking(tan=1, size=frame(amount, 400)), np.random.default_rng(2)
-    yield balls(camera, aimed(camera, distance, radius, limbs(4, 26, 46 * math.isqrt(amount), rng), rng))
-
-
-def _small_and_far_off(amount: int) -> Scenes:
-    """P = o + t d is off the surface by 5 % of r, so a normal that is made from it is off by 0.05 rad."""
-    for eye, distance in (((0, 0, 0), 1e3), ((1e3, -1e3, 5e2), 5e-3)):
-        camera = looking(eye, 1.2e-3 / distance, frame(amount))
-        yield balls(camera, [((np.array(eye) + (3e-4, -2e-4, -distance)).tolist(), 1e-3)])
 
 
 def _moved(k: float, amount: int) -> Scenes:
@@ -182,27 +158,12 @@ def _overlapping(amount: int) -> Scenes:
 # -------------------------------------------------------------------------------------------------------------- rays
 
 
-def _grazing(amount: int) -> Scenes:
-    """Rays that pass at r (1 +/- 2^-k), with k from 8 to 26 and on to 52, are decided by noise."""
-    rng = np.random.default_rng(3)
-    camera = looking(tan=6, size=frame(1, 1200))
-    for low, high, distance in ((8, 26, 5), (27, 46, 5), (47, 52, 5), (47, 52, 50)) * amount:
-        scale = rng.uniform(0.5, 2, 60)
-        yield balls(camera, aimed(camera, distance * scale, scale, limbs(low, high, 60, rng), rng))
-
-
 def _tangent(amount: int) -> Scenes:
     """A discriminant of exactly 0 comes out as noise: two hits or none, and a normal from anywhere."""
     yield balls(looking((0, 1, -5), 0.5, (1, 1), BACK), [((0, 0, 0), 1)])
     for i, (x, y) in enumerate(TANGENT):
         s, z = 2.0 ** (10 * (i % 4 - 1)), 7.0 * 10.0 ** (i % 5)
         yield balls(looking(tan=0.5, size=(3, 3)), [((x * s, y * s, -z), 5 * s)])
-
-
-def _long_directions(tan: float, amount: int) -> Scenes:
-    """Code that takes |d| for 1 has t in other units, and P somewhere else. Here |d| is up to 8e5."""
-    camera, rng = looking(tan=tan, size=frame(amount)), np.random.default_rng(4)
-    yield balls(camera, aimed(camera, 50, 1, limbs(2, 20, 19 * math.isqrt(amount), rng), rng))
 
 
 def _along_axes(amount: int) -> Scenes:
@@ -213,16 +174,12 @@ def _along_axes(amount: int) -> Scenes:
         yield balls(looking((-0.0, -0.0, -0.0), 1, (3, 3), axis), [(ahead, 1)])
 
 
-def _from_the_wall(sign: int, amount: int) -> Scenes:
-    """Close to the wall, inside (sign -1) or above it (1) by 10^-k, r^2 - v^2 and |C|^2 - r^2 cancel."""
-    for k in range(7) if sign < 0 else (*range(1, 7), 9, 12):
+def _from_the_wall(amount: int) -> Scenes:
+    """Close to the wall, inside by 10^-k, r^2 - v^2 and |C|^2 - r^2 cancel."""
+    for k in range(7):
         w = unit(np.random.default_rng(k)) if k % 2 else np.array(BACK)
         for axis in (AXES[k % 6],) if amount == 1 else AXES:
-            yield balls(looking((w * (1 + sign * 10.0**-k)).tolist(), 3, frame(amount, 300), axis), [((0, 0, 0), 1)])
-    if sign > 0:
-        # Straight down, where |C| is hardly more than r and b hardly more than the root.
-        for h in (1e-6, 1e-9, 1e-12):
-            yield balls(looking((0, 0, 1 + h), math.sqrt(h), frame(amount, 300)), [((0, 0, 0), 1)])
+            yield balls(looking((w * (1 - 10.0**-k)).tolist(), 3, frame(amount, 300), axis), [((0, 0, 0), 1)])
 
 
 def _on_the_surface(amount: int) -> Scenes:
@@ -329,13 +286,6 @@ def _on_two_spheres(amount: int) -> Scenes:
     yield lit(camera, [own, ((0, 0, -6), 2)], (1, 2, 0), (0, 0, -1))
     for light in ((3, 0, 0), (12, 0, 12)):
         yield lit(camera, [own, ((3, 0, 0), 5)], light, (-3, 0, -4))
-
-
-def _shadow_from_afar(amount: int) -> Scenes:
-    """A tiny sphere is ten million radii away: b^2 - a c loses the edge of its shadow, which fills the picture."""
-    P, way = np.array([0, 0, -4.0]), np.array([0.6, 0, 0.8])
-    spheres: list[Ball] = [((0, 0, -5), 1), ((P + 1e4 * way).tolist(), 1e-3)]
-    yield lit(looking(tan=5e-4, size=frame(amount)), spheres, (P + 3e4 * way).tolist(), (-way).tolist())
 
 
 def _shell_of(R: float, gap: float | str) -> tuple[float, float]:
@@ -473,13 +423,6 @@ def _mirror_chain(bounces: int, amount: int) -> Scenes:
         yield _bouncing(camera, bounces, spheres, reflectance=0.9)
 
 
-def _facing_mirrors(R: float, bounces: int, amount: int) -> Scenes:
-    """Two huge spheres, 2 apart, with the eye between them: a point that drifts off its surface is lost inside."""
-    spheres: list[Ball] = [((0, 0, -R - 1), R), ((0, 0, R + 1), R)]
-    for tan in (0.1, 1.0):
-        yield _bouncing(looking(tan=tan, size=frame(amount, 30)), bounces, spheres, reflectance=0.9)
-
-
 def _critical(amount: int) -> Scenes:
     """Whether a ray of sin(i) = 1/N (1 +/- 1e-9) leaves glass is a coin toss in float32, and k = 0 may become a NaN.
 
@@ -501,29 +444,14 @@ def _indices(amount: int) -> Scenes:
             yield _bouncing(camera, 6, spheres, transmittance=glass, reflectance=0.125, index=index)
 
 
-def _through_the_centre(amount: int) -> Scenes:
-    """On the axis sin(i) = 0, and what divides by it is NaN; at the rim n.d = 0, where a ray grazes: one hit."""
-    for index in (1.5, 1, 0.75):
-        material: dict[str, Numbers] = {"transmittance": [0.75, 0], "index": index}
-        behind: Ball = ((0, 0, -30), 2)
-        yield _bouncing(looking(tan=0.25, size=frame(amount, 300)), 4, [((0, 0, -5), 1), behind], **material)
-        yield _bouncing(looking((0, 1, 5), 0.5, (3, 3)), 4, [((0, 0, 0), 1), behind], **material)
-        for x, y in TANGENT[: 3 if amount == 1 else None]:
-            yield _bouncing(looking(tan=0.5, size=(3, 3)), 4, [((x, y, -7), 5), behind], **material)
-
-
 GAPS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, "float", "double")
 
 # fmt: off
 CATALOGUE = [
     *(Case(n, f"ground sphere of R = {R:.0e}, eye {h:g} above", partial(_ground, R, h))
       for n, R, h in (("G1", 1e3, 1), ("G2", 1e5, 1), ("G3", 1e7, 1), ("G5", 1e7, 1.3))),
-    *(Case("G4", f"tilted globes of R = {R:.0e}, eye 1 above", partial(_globes, R)) for R in (1e3, 1e5, 1e7)),
-    *(Case(n, f"sphere of r = {r:g} at {d:g}", partial(_tiny, r, d))
-      for n, r, d in (("T1", 1e-3, 1e4), ("T2", 1, 100), ("T2", 1, 4100), ("T2", 1, 1e4), ("T3", 1e-3, 1e7))),
     *(Case(n, f"moved by {k:.0e}: the same picture", partial(_moved, k), SAME)
       for n, k in (("O1", 1e4), ("O2", 1e6), ("O3", 1e7))),
-    Case("O4", "r = 1e-3 at 1e3, and at an offset of 1e3", _small_and_far_off),
     Case("K1", "times 1e-6: the same picture", partial(_scaled, [1e-6]), SAME),
     Case("K2", "times 1e6: the same picture", partial(_scaled, [1e6]), SAME),
     Case("K", "times 2^-60 .. 2^60: the same picture", _powers_of_two, SAME),
@@ -534,14 +462,10 @@ CATALOGUE = [
       for r in (1.0, 1e-3, 1e6)),
     Case("R2", "three of each sphere: the same picture", _duplicates, SAME),
     Case("R3", "spheres that are equally near", _overlapping),
-    Case("D1", "rays that graze at r (1 +/- 2^-8 .. 2^-52)", _grazing),
     Case("D2", "exactly tangent rays", _tangent),
-    *(Case("D3", f"directions of length up to {tan:g}", partial(_long_directions, tan))
-      for tan in (1e-3, 1.0, 573.0, 572958.0)),
     Case("D5", "along the axes, with zeros of both signs", _along_axes),
-    Case("I1", "eye inside, 1 .. 1e-6 from the wall", partial(_from_the_wall, -1)),
+    Case("I1", "eye inside, 1 .. 1e-6 from the wall", _from_the_wall),
     Case("I2", "eye exactly on the surface", _on_the_surface),
-    Case("I3", "eye 1e-1 .. 1e-12 above the surface", partial(_from_the_wall, 1)),
     *(Case("I4", f"eye at the centre, r = {r:g}", partial(_at_the_centre, r)) for r in (1.0, 1e-3, 1e7)),
     *(Case("L1", f"own shadow, R = {R:g}, {far:g} R off", partial(_own_shadow, R, far), SHADOWS)
       for R in (1e-3, 1.0, 1e3, 1e6) for far in (0, 1, 1e3, 1e6)),
@@ -553,7 +477,6 @@ CATALOGUE = [
     *(Case("L7", f"light {h:g} above the surface", partial(_light_at_the_surface, h), SHADOWS) for h in (1e-6, -1e-6)),
     Case("L8", "the terminator", _terminator, SHADOWS),
     Case("L11", "points exactly on two spheres", _on_two_spheres, SHADOWS),
-    Case("L12", "the shadow of a tiny sphere 1e7 radii away", _shadow_from_afar, SHADOWS),
     *(Case("L9", f"shell larger by {g}, from outside", partial(_core, g), SHADOWS) for g in GAPS),
     *(Case("L9", f"shell larger by {g}, from between", partial(_between, g), SHADOWS) for g in GAPS),
     *(Case("L10", f"balls resting on R = {R:.0e}", partial(_resting, R), SHADOWS) for R in (1e3, 1e5, 1e7)),
@@ -565,11 +488,8 @@ CATALOGUE = [
       for n in (0, 0.5, 20, 1e4, 1e6)),
     Case("P3", "greys from 0 to 3.4e38", _greys, BYTES),
     *(Case("M1", f"three mirrors, {n} bounces", partial(_mirror_chain, n), TREES) for n in (3, 12)),
-    *(Case("M2", f"mirrors of R = {R:.0e} that face each other, {n} bounces", partial(_facing_mirrors, R, n), TREES)
-      for R, n in ((1e3, 8), (1e5, 64), (1e7, 16))),
     Case("F1", "glass at the critical angle +/- 1e-2 .. 1e-12", _critical, TREES),
     Case("F2", "indices of 1, 1e-3 and 1e3, glass in glass", _indices, TREES),
-    Case("F3", "through the centre of glass, and grazing it", _through_the_centre, TREES),
 ]
 # fmt: on
 

@@ -15,178 +15,125 @@ from numpy.typing import NDArray
 from cltrace.scene import Camera, Scene, parallel_light, point_light
 
 Floats = NDArray[np.float64]
+Rng = np.random.Generator
 
 
 class Made(NamedTuple):
-    """starts, ends: (n, 3); radii: (n,); centers: (m, 3) and sizes: (m,), of spheres; eye, at: (3,); angle: degrees."""
+    """starts, ends: (n, 3); radii: (n,); centers: (m, 3) and sizes: (m,), of spheres; eye, at: (3,), where None is from
+    somewhere around `at`, by default the middle of the first one, so that this fills the picture; angle: degrees."""
 
     starts: Floats
     ends: Floats
     radii: Floats
-    centers: Floats
-    sizes: Floats
-    eye: Floats
-    at: Floats
-    angle: float
+    eye: Floats | None = None
+    at: Floats | None = None
+    angle: float = 0
+    centers: Floats = np.empty((0, 3))
+    sizes: Floats = np.empty(0)
 
 
-def _unit(rng: np.random.Generator, *shape: int) -> Floats:
+def _unit(rng: Rng, *shape: int) -> Floats:
     v = rng.normal(size=(*shape, 3))
     return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
 
 
-def _made(rng: np.random.Generator, starts: Any, ends: Any, radii: Any, **more: Any) -> Made:
-    """Seen from somewhere around the middle of the first one, so that this fills the picture."""
-    a, b, r = (np.asarray(x, float) for x in (starts, ends, radii))
-    size = max(np.linalg.norm(b[0] - a[0]), r[0])
-    at = more.pop("at", (a[0] + b[0]) / 2)
-    eye = more.pop("eye", None)
-    far = 10 ** rng.uniform(0.2, 1.5)
-    eye = at + size * far * _unit(rng) if eye is None else eye
-    angle = more.pop("angle", np.degrees(np.arctan(0.8 / far)))
-    centers, sizes = more.get("centers", np.empty((0, 3))), more.get("sizes", np.empty(0))
-    return Made(a, b, r, np.asarray(centers, float), np.asarray(sizes, float), eye, at, float(angle))
+def _across(rng: Rng, way: Floats) -> Floats:
+    out = np.cross(way, _unit(rng))
+    return np.asarray(out / np.linalg.norm(out))
 
 
-def heap(rng: np.random.Generator) -> Made:
+def heap(rng: Rng) -> Made:
     """Cylinders that cross each other."""
-    a = rng.normal(size=(12, 3))
-    return _made(
-        rng, a, a + rng.normal(size=(12, 3)) * 10 ** rng.uniform(-1, 0.5, (12, 1)), 10 ** rng.uniform(-1.5, 0, 12)
-    )
+    a, way = rng.normal(size=(2, 12, 3))
+    return Made(a, a + way * 10 ** rng.uniform(-1, 0.5, (12, 1)), 10 ** rng.uniform(-1.5, 0, 12))
 
 
-def needles(rng: np.random.Generator) -> Made:
+def needles(rng: Rng) -> Made:
     """Up to a million times as long as thick, zoomed in on."""
-    thin = 10.0 ** -rng.uniform(2, 6)
-    a, way = rng.normal(size=(4, 3)) * thin, _unit(rng, 4)
-    share = rng.uniform(0.2, 0.8, (4, 1))
-    eye = _unit(rng) * 3
-    return _made(
-        rng,
-        a - share * way,
-        a + (1 - share) * way,
-        thin * rng.uniform(0.3, 1, 4),
-        at=a[0],
-        eye=eye,
-        angle=np.degrees(2 * thin),
-    )
+    thin, way, share = 10.0 ** -rng.uniform(2, 6), _unit(rng, 4), rng.uniform(0.2, 0.8, (4, 1))
+    a, radii = rng.normal(size=(4, 3)) * thin, thin * rng.uniform(0.3, 1, 4)
+    return Made(a - share * way, a + (1 - share) * way, radii, 3 * _unit(rng), a[0], np.degrees(2 * thin))
 
 
-def coins(rng: np.random.Generator) -> Made:
+def coins(rng: Rng) -> Made:
     """Up to a million times as wide as thick, some all but from the edge."""
-    thin = 10.0 ** -rng.uniform(2, 6)
-    a, way = rng.normal(size=(4, 3)) * thin, _unit(rng, 4)
-    across = np.cross(way[0], _unit(rng))
-    across /= np.linalg.norm(across)
-    eye = a[0] + 3 * across + way[0] * thin * rng.uniform(-3, 3)
-    rim = a[0] + across * 0.999
-    return _made(rng, a, a + way * thin, rng.uniform(0.5, 1, 4), at=rim, eye=eye, angle=np.degrees(thin * 2))
+    thin, way = 10.0 ** -rng.uniform(2, 6), _unit(rng, 4)
+    a, out = rng.normal(size=(4, 3)) * thin, _across(rng, way[0])
+    eye = a[0] + 3 * out + way[0] * thin * rng.uniform(-3, 3)
+    return Made(a, a + way * thin, rng.uniform(0.5, 1, 4), eye, a[0] + out * 0.999, np.degrees(2 * thin))
 
 
-def grazing(rng: np.random.Generator) -> Made:
+def grazing(rng: Rng) -> Made:
     """Zoomed in on the limb of the side, or on the rim of an end."""
-    a, b, r = rng.normal(size=3), rng.normal(size=3), 10 ** rng.uniform(-2, 0.3)
+    (a, b), r = rng.normal(size=(2, 3)), 10 ** rng.uniform(-2, 0.3)
     u = (b - a) / np.linalg.norm(b - a)
-    out = np.cross(u, _unit(rng))
-    out /= np.linalg.norm(out)
-    along_ = np.cross(out, u)
-    k = rng.choice([0, rng.uniform(0.1, 0.9), 1])
-    point = a + k * (b - a) + r * out
-    turn = rng.normal()
-    way = np.cos(turn) * along_ + np.sin(turn) * u
-    distance, narrow = 10 ** rng.uniform(-1, 3), 10.0 ** -rng.uniform(2, 12)
-    eye = point - way * distance
-    return _made(rng, [a, b], [b, a + out], [r, r * 0.9], at=point, eye=eye, angle=np.degrees(narrow))
+    out, turn = _across(rng, u), rng.normal()
+    point = a + rng.choice([0, rng.uniform(0.1, 0.9), 1]) * (b - a) + r * out
+    eye = point - (np.cos(turn) * np.cross(out, u) + np.sin(turn) * u) * 10 ** rng.uniform(-1, 3)
+    ends, angle = (np.array([a, b]), np.array([b, a + out])), np.degrees(10.0 ** -rng.uniform(2, 12))
+    return Made(*ends, np.array([r, r * 0.9]), eye, point, angle)
 
 
-def edges(rng: np.random.Generator) -> Made:
+def edges(rng: Rng) -> Made:
     """The middle pixel's ray touches a side, or passes through a rim, but for what rounding the eye does."""
-    a, b, r = rng.normal(size=3), rng.normal(size=3), 10 ** rng.uniform(-2, 0.3)
+    (a, b), r = rng.normal(size=(2, 3)), 10 ** rng.uniform(-2, 0.3)
     u = (b - a) / np.linalg.norm(b - a)
-    out = np.cross(u, _unit(rng))
-    out /= np.linalg.norm(out)
-    way = _unit(rng)
+    out, way = _across(rng, u), _unit(rng)
     if rng.random() < 0.5:
         point, way = a + rng.uniform(0.1, 0.9) * (b - a) + r * out, np.cross(out, u) + rng.normal() * u
     else:
         point = a + rng.integers(0, 2) * (b - a) + r * out
     eye = point - way * 10 ** rng.uniform(-1, 1)
-    return _made(rng, [a], [b], [r], at=point, eye=eye, angle=10.0 ** -rng.uniform(8, 12))
+    return Made(a[None], b[None], np.array([r]), eye, point, 10.0 ** -rng.uniform(8, 12))
 
 
-def inside(rng: np.random.Generator) -> Made:
+def inside(rng: Rng) -> Made:
     """The eye is inside of some of them, or at their surface."""
     a, way = rng.normal(size=(6, 3)) * 0.2, _unit(rng, 6)
     eye = rng.choice([0, 1]) * a[1] + rng.normal(size=3) * 0.1
-    return _made(
-        rng,
-        a - way,
-        a + way * 10 ** rng.uniform(-1, 1, (6, 1)),
-        rng.uniform(0.3, 2, 6),
-        eye=eye,
-        at=eye + _unit(rng),
-        angle=50,
-    )
+    ends = a - way, a + way * 10 ** rng.uniform(-1, 1, (6, 1))
+    return Made(*ends, rng.uniform(0.3, 2, 6), eye, eye + _unit(rng), 50)
 
 
-def straight(rng: np.random.Generator) -> Made:
+def straight(rng: Rng) -> Made:
     """Whole numbers, and axes along the rays through the middles of pixels: seen from the end, exactly."""
     eye = rng.integers(-3, 4, 3).astype(float)
-    at = eye + np.array([0, 0, -1.0])
-    x, y = (rng.integers(-4, 5, 8) / 16 for _ in range(2))
-    depth = rng.integers(1, 6, (8, 2)).astype(float)
-    depth[:, 1] += depth[:, 0]
-    ray = np.stack([x, y, -np.ones(8)], axis=1)
-    starts, ends = eye + depth[:, :1] * ray, eye + depth[:, 1:] * ray
+    ray = np.column_stack([rng.integers(-4, 5, (8, 2)) / 16, -np.ones(8)])
+    depth = np.cumsum(rng.integers(1, 6, (8, 2)), axis=1)
     upright = eye + rng.integers(-4, 5, (4, 3)) - np.array([0, 0, 9.0])
     axis = np.eye(3)[rng.integers(0, 3, 4)] * rng.integers(1, 4, (4, 1))
+    starts, ends = (np.vstack([eye + depth[:, [k]] * ray, upright + k * axis]) for k in range(2))
     radii = np.concatenate([rng.integers(1, 5, 8) / 16, rng.integers(1, 4, 4) / 2])
-    return _made(rng, np.vstack([starts, upright]), np.vstack([ends, upright + axis]), radii, eye=eye, at=at, angle=45)
+    return Made(starts, ends, radii, eye, eye - (0, 0, 1), 45)
 
 
-def joints(rng: np.random.Generator) -> Made:
+def joints(rng: Rng) -> Made:
     """Bonds that meet at spheres of their radius, in their centres and on their surfaces; ends that touch."""
-    centers = rng.integers(-2, 3, (6, 3)).astype(float)
+    centers, r = rng.integers(-2, 3, (6, 3)).astype(float), rng.choice([0.25, 0.5])
     pairs = [(i, j) for i in range(6) for j in range(i) if (centers[i] != centers[j]).any()][:9]
-    i, j = np.array(pairs).T
-    r = rng.choice([0.25, 0.5])
-    starts, ends = centers[i], centers[j]
-    middle = (starts + ends) / 2
-    touching = centers[0] + np.array([0, 0, r]), centers[0] + np.array([0, 0, 2 * r])
-    return _made(
-        rng,
-        np.vstack([starts, middle, [touching[0]]]),
-        np.vstack([middle, ends, [touching[1]]]),
-        np.full(2 * len(pairs) + 1, r),
-        centers=centers,
-        sizes=np.where(np.arange(6) % 2, r, 2 * r),
-        at=centers[0],
-    )
+    a, b = centers[np.array(pairs).T]
+    touching = centers[:1] + np.array([0, 0, r])
+    starts, ends = np.vstack([a, (a + b) / 2, touching]), np.vstack([(a + b) / 2, b, touching + np.array([0, 0, r])])
+    sizes = np.where(np.arange(6) % 2, r, 2 * r)
+    return Made(starts, ends, np.full(len(starts), r), at=centers[0], centers=centers, sizes=sizes)
 
 
-def flush(rng: np.random.Generator) -> Made:
+def flush(rng: Rng) -> Made:
     """Equal ones, nested ones of one axis, and ends in one plane: ties all over."""
-    a = rng.integers(-2, 3, 3).astype(float)
-    u = rng.integers(-2, 3, 3).astype(float)
+    a, u = rng.integers(-2, 3, (2, 3)).astype(float)
     u = u if u.any() else np.array([1.0, 0, 0])
-    starts = [a, a, a, a - u, a + u, a]
-    ends = [a + u, a + u, a + 2 * u, a + u, a, a + u]
-    radii = [1, 1, 0.5, 1, 1, 0.75]
-    return _made(rng, starts, ends, radii)
+    starts, ends = (a + np.array(k)[:, None] * u for k in ([0, 0, 0, -1, 1, 0], [1, 1, 2, 1, 0, 1]))
+    return Made(starts, ends, np.array([1, 1, 0.5, 1, 1, 0.75]))
 
 
-def far_away(rng: np.random.Generator) -> Made:
+def far_away(rng: Rng) -> Made:
     """1e7 from the origin."""
-    made = (joints if rng.random() < 0.5 else heap)(rng)
-    shift = 1e7 * rng.choice([-1.0, 1.0], 3)
-    moved = [x + shift if len(x) else x for x in (made.starts, made.ends)]
-    return made._replace(
-        starts=moved[0], ends=moved[1], centers=made.centers + shift, eye=made.eye + shift, at=made.at + shift
-    )
+    made, shift = (joints if rng.random() < 0.5 else heap)(rng), 1e7 * rng.choice([-1.0, 1.0], 3)
+    starts, ends, centers = (places + shift for places in (made.starts, made.ends, made.centers))
+    return made._replace(starts=starts, ends=ends, centers=centers, at=None)
 
 
-REGIMES: dict[str, Callable[[np.random.Generator], Made]] = {
+REGIMES: dict[str, Callable[[Rng], Made]] = {
     "heap": heap,
     "needles": needles,
     "coins": coins,
@@ -201,9 +148,13 @@ REGIMES: dict[str, Callable[[np.random.Generator], Made]] = {
 
 
 def scene_of(name: str, seed: int, size: tuple[int, int], lights: Any = ()) -> Scene:
-    made = REGIMES[name](np.random.default_rng([seed, *name.encode()]))
-    angle = min(max(made.angle, 1e-12), 80.0)
-    camera = Camera(tuple(made.eye), tuple(made.at), (0.1, 1, 0.2) if name != "straight" else (0, 1, 0), angle, size)
+    rng = np.random.default_rng([seed, *name.encode()])
+    made = REGIMES[name](rng)
+    at = (made.starts[0] + made.ends[0]) / 2 if made.at is None else made.at
+    length, far = np.linalg.norm(made.ends[0] - made.starts[0]), 10 ** rng.uniform(0.2, 1.5)
+    eye = at + max(length, made.radii[0]) * far * _unit(rng) if made.eye is None else made.eye
+    angle = max(made.angle or float(np.degrees(np.arctan(0.8 / far))), 1e-12)
+    camera = Camera(tuple(eye), tuple(at), (0.1, 1, 0.2) if name != "straight" else (0, 1, 0), angle, size)
     scene = Scene.from_spheres(camera, lights, made.centers, made.sizes, ka=1)
     kept = (made.starts != made.ends).any(axis=1)
     return scene.with_cylinders(made.starts[kept], made.ends[kept], made.radii[kept])

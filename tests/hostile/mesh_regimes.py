@@ -207,16 +207,6 @@ def edges_along_rows(pixels: Pixels) -> Made:
     return Made([grid(pixels.at(row, column, pixels.depths(count * count).reshape(count, count)), pixels.rng)])
 
 
-def slivers(pixels: Pixels) -> Made:
-    """A wall cut into needles, 10^-1 to 10^-12 wide."""
-    rng = pixels.rng
-    width = 10.0 ** -rng.uniform(1, 12, 30)
-    x = np.sort(np.concatenate([np.linspace(-1.2, 1.2, 20), np.cumsum(width) - 0.5]))
-    points = np.stack([np.stack([x, np.full(len(x), y), np.full(len(x), -4.0)], axis=1) for y in (-1.2, 0.9, 1.3)])
-    points[1, :, 2] -= 0.5
-    return Made([grid(points, rng)])
-
-
 def slivers_between_rays(pixels: Pixels) -> Made:
     """Needles of 2^-3 to 2^-40 between two corners on rays of pixels, which they share with others."""
     rng = pixels.rng
@@ -242,13 +232,6 @@ def moved(regime: Callable[[Pixels], Made], by: float = 0, scale: float = 1) -> 
         return made._replace(shapes=shapes, eye=tuple(offset.tolist()), camera=camera, centers=centers)
 
     return of
-
-
-def coplanar(pixels: Pixels) -> Made:
-    """Triangles of a whole-numbered plane that cover each other, at whole places."""
-    rng = pixels.rng
-    x, y = rng.integers(-8, 9, (2, 16, 3)) / 4
-    return Made([soup(np.stack([x, y, z], axis=2)) for z in (-4 + x + y / 2, np.full((16, 3), -5.0))])
 
 
 def doubled(pixels: Pixels) -> Made:
@@ -507,13 +490,11 @@ REGIMES: dict[str, Callable[[Pixels], Made]] = {
     "corners an ulp beside rays": corners_all_but_on_rays,
     "edges across rays": edge_points_on_rays,
     "edges along rows": edges_along_rows,
-    "slivers to 1e-12": slivers,
     "slivers between rays": slivers_between_rays,
     "offset 1e7, corners on rays": moved(corners_on_rays, 1e7),
     "offset 1e7, soup": moved(random_soup, 1e7 + 0.3),
     "scale 2^60": moved(corners_on_rays, scale=2.0**60),
     "scale 2^-60": moved(corners_on_rays, scale=2.0**-60),
-    "coplanar": coplanar,
     "doubled": doubled,
     "fans in planes": fans_in_planes,
     "fans all but in planes": lambda pixels: fans_in_planes(pixels, turn=True),
