@@ -1,4 +1,4 @@
-"""The course's ray tracer in numpy, all rays of a picture at once. With what `wrong_tracers` replaces in it, it is wrong.
+"""The course's ray tracer in numpy, all rays of a picture at once. With what `wrong_tracers` replaces, it is wrong.
 
 It shares nothing with the one of cltrace/students, which looks for the mistakes that are made in this one.
 """
