@@ -66,6 +66,17 @@ def shown(page: Any) -> np.ndarray:
         return np.asarray(picture.convert("RGB"))
 
 
+def drag(page: Any, across: float, down: float) -> None:
+    """Drags the middle of the picture, and waits for the last picture."""
+    x, y = middle(page)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + across, y + down, steps=6)
+    page.mouse.up()
+    page.wait_for_selector("#picture:not([data-kind=smooth])")
+    rested(page)
+
+
 def saved(page: Any) -> bytes:
     """What the button saves."""
     with page.expect_download() as waiting:
@@ -114,11 +125,7 @@ def test_hand(page: Any, address: str, spec: str) -> None:
     assert page.is_visible("text=/^o = /")
     assert page.input_value("#column") == str(SIZE[0] // 2)
 
-    page.mouse.move(x, y)
-    page.mouse.down()
-    page.mouse.move(x + 60, y - 30, steps=6)
-    page.mouse.up()
-    rested(page)
+    drag(page, 60, -30)
     turned = camera_of(page)
     assert turned.lookat == scene.camera.lookat
     assert turned.position != scene.camera.position
@@ -127,12 +134,8 @@ def test_hand(page: Any, address: str, spec: str) -> None:
         assert (np.asarray(picture) == shown(page)).all()
 
     page.keyboard.down("Shift")
-    page.mouse.move(x, y)
-    page.mouse.down()
-    page.mouse.move(x + 40, y, steps=4)
-    page.mouse.up()
+    drag(page, 40, 0)
     page.keyboard.up("Shift")
-    rested(page)
     panned = camera_of(page)
     assert panned.lookat != turned.lookat
     page.mouse.move(x, y)
