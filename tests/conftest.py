@@ -11,8 +11,8 @@ import pytest
 
 import cltrace
 from cltrace import reference
+from cltrace.run import pack
 from cltrace.run.devices import Device
-from cltrace.run.pack import packers
 
 SCENES = sorted((Path(__file__).parent.parent / "scenes").glob("*.xml"))
 
@@ -90,7 +90,7 @@ def any_device() -> Device:
 @pytest.fixture
 def even_few_are_packed(monkeypatch: pytest.MonkeyPatch) -> None:
     """A device packs scenes of any number of surfaces."""
-    monkeypatch.setattr(packers, "MANY", 0)
+    monkeypatch.setattr(pack, "MANY", 0)
 
 
 @functools.cache

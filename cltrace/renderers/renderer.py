@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,8 +26,11 @@ from cltrace.plan.view import CameraView
 from cltrace.plan.world import Before, ScenePacking
 from cltrace.run.devices import DRIVERS, Device, check_process, choose, driver_errors
 from cltrace.run.executor import Executor, FrameBuffers, Made, bytes_a_pixel, deadline
-from cltrace.run.pack.packers import Packer, packer_of
+from cltrace.run.pack import packer_of, view_by
 from cltrace.scene import AnyCamera, Scene, share_all_but_camera, with_spheres
+
+if TYPE_CHECKING:
+    from cltrace.run.pack import Packer
 
 # How many samples antialias=True takes.
 SAMPLES = 32
@@ -77,9 +80,9 @@ class _Settings:
 class _Prepared:
     """A scene on a device, ready to be drawn.
 
-    made: the buffers that the view's arrays lack; packer: what makes further views of the world; probe: what draws the
-    surfaces that effects are made of; seconds: of Renderer. What holds for another scene or crop, too, is shared with
-    it, by identity.
+    made: the buffers that the view's arrays lack; packer: what makes further views of the world, None for numpy; probe:
+    what draws the surfaces that effects are made of; seconds: of Renderer. What holds for another scene or crop, too,
+    is shared with it, by identity.
     """
 
     settings: _Settings
@@ -88,7 +91,7 @@ class _Prepared:
     world: ScenePacking
     view: CameraView
     made: dict[str, Any]
-    packer: Packer
+    packer: Packer | None
     plan: Plan
     executor: Executor
     seconds: dict[str, float]
@@ -110,18 +113,18 @@ class _Prepared:
         if len(worlds) == 1 and known and (same := known.view_of(world, scene.camera)):
             view, made, packer = same, known.made, known.packer
         else:
-            if known and known.packer.fits(world):
+            if known and known.packer and known.packer.fits(world):
                 packer = known.packer
             else:
                 kept, again = (before.packer, before.world is world) if before else (None, False)
                 packer = packer_of(world, request, device, kept, again)
-            view, made = packer.view(worlds[0], scene.camera, keep=len(worlds) == 1)
+            view, made = view_by(packer, worlds[0], scene.camera, request, keep=len(worlds) == 1)
         plan = Plan.of(world, view, request)
         packed = time.perf_counter() - start
 
         def further(some: ScenePacking) -> Made:
             """The plan of the pass that adds the lights of `some`, and its buffers."""
-            view, made = packer.view(some, scene.camera, keep=False)
+            view, made = view_by(packer, some, scene.camera, request, keep=False)
             return Plan.of(world, view, request), made
 
         executor = Executor.of(

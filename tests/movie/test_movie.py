@@ -25,7 +25,7 @@ from cltrace import Camera, Scene, cli
 from cltrace.movie import animate
 from cltrace.movie.frames import frames_of, pattern_of, range_of
 from cltrace.movie.writers import Fingerprints
-from cltrace.run.pack import packers
+from cltrace.run import pack
 
 FILE = Path(__file__).parents[2] / "scenes" / "step3-shadows.xml"
 LIGHTS = [cltrace.ambient_light((0.5, 0.5, 0.5)), cltrace.point_light((3, 9, 6))]
@@ -142,10 +142,10 @@ def test_frames_that_are_none(items: list[Any], error: type[Exception], message:
         list(cltrace.animate(items))
 
 
-@pytest.mark.parametrize("many", [packers.MANY, pytest.param(0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("many", [pack.MANY, pytest.param(0, marks=pytest.mark.slow)])
 def test_images_are_those_of_new_renderers(many: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of cameras, moved and coloured spheres, another number of them, and scenes that have nothing in common."""
-    monkeypatch.setattr(packers, "MANY", many)
+    monkeypatch.setattr(pack, "MANY", many)
     first, rng = scene_of(300), np.random.default_rng(5)
     other = cltrace.load(FILE).seen_by(CAMERA)
     items: list[Any] = [first, *cltrace.orbit(first, 3)]

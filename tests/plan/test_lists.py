@@ -29,9 +29,9 @@ from cltrace.plan.lights import are_at_points
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Request
 from cltrace.plan.world import ScenePacking
+from cltrace.run import pack
 from cltrace.run.devices import Device
 from cltrace.run.pack import lists as device_lists
-from cltrace.run.pack import packers
 
 Floats = NDArray[np.float64]
 f32 = np.float32
@@ -55,7 +55,7 @@ def device_plan(device: Device) -> PlanOf:
     def plan_of(scene: Scene, request: Request) -> Plan:
         request = replace(request, keep=())
         world = ScenePacking.of(scene, request)
-        packer = packers.packer_of(world, request, device)
+        packer = pack.packer_of(world, request, device)
         view, made = packer.view(world, scene.camera)
         assert packer.tools
         types = {a.name: abi.dtype_of(a.type, request.precision) for a in abi.ARGUMENTS if a.kind == "buffer"}

@@ -19,8 +19,8 @@ from cltrace.plan.shapes.mesh import MeshPacking
 from cltrace.plan.shapes.sphere import SpherePacking
 from cltrace.plan.view import CameraView
 from cltrace.plan.world import Before, ScenePacking
+from cltrace.run import pack
 from cltrace.run.devices import Device
-from cltrace.run.pack import packers
 from cltrace.run.pack.spheres import SpherePacker
 from cltrace.scene.changes import with_spheres
 
@@ -74,7 +74,7 @@ def test_any_sequence_of_changes(
     device: Device, count: int, precision: Any, meshes: Any, many: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Packed by numpy, and on the device."""
-    monkeypatch.setattr(packers, "MANY", many)
+    monkeypatch.setattr(pack, "MANY", many)
     if not many and (count < 100 or meshes):
         pytest.skip("never packed on the device")
     rng, lights = np.random.default_rng(count), LIGHTS if many else POINTS
@@ -108,7 +108,7 @@ def test_any_sequence_of_changes(
 
 @pytest.mark.parametrize("many", [2**15, 0])
 def test_materials_alone_make_no_lists(device: Device, many: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(packers, "MANY", many)
+    monkeypatch.setattr(pack, "MANY", many)
     values = spheres(600)
     scene = Scene.from_spheres(CAMERA, POINTS, **values)
     renderer = Renderer(scene, device, outputs=OUTPUTS)
@@ -122,7 +122,7 @@ def test_materials_alone_make_no_lists(device: Device, many: int, monkeypatch: p
     assert renderer._executor.buffers["id_of"] is order
     monkeypatch.undo()
     same(renderer, Scene.from_spheres(CAMERA, POINTS, **values))
-    monkeypatch.setattr(packers, "MANY", many)
+    monkeypatch.setattr(pack, "MANY", many)
     camera = replace(CAMERA, position=(9, 3, 4))
     same(renderer.look(camera), Scene.from_spheres(camera, POINTS, **values))
 

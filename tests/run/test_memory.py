@@ -11,8 +11,8 @@ import pytest
 
 import cltrace
 from cltrace import Camera, Renderer, Scene
+from cltrace.run import pack
 from cltrace.run.devices import Device
-from cltrace.run.pack import packers
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="asks Linux how much memory there is")
 
@@ -151,7 +151,7 @@ def test_what_a_device_cannot_hold(device: Device, most: int, many: int, monkeyp
     scene = Scene.from_spheres(Camera(resolution=(16, 16)), [cltrace.point_light((3, 4, 5))], *arrays)
     want = cltrace.render(scene, device).rgb8
     monkeypatch.setattr(Device, "largest_buffer", most)
-    monkeypatch.setattr(packers, "MANY", many)
+    monkeypatch.setattr(pack, "MANY", many)
     with pytest.raises(cltrace.DeviceError) as caught:
         Renderer(scene, device)
     assert str(caught.value).startswith(f"{device.name}: the scene's `")

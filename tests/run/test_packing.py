@@ -18,8 +18,9 @@ from cltrace.plan.abi import Precision
 from cltrace.plan.request import Request
 from cltrace.plan.view import CameraView
 from cltrace.plan.world import ScenePacking
+from cltrace.run import pack
 from cltrace.run.devices import Device
-from cltrace.run.pack import lists, packers
+from cltrace.run.pack import lists
 from cltrace.run.pack.meshes import MeshPacker
 from cltrace.run.pack.spheres import SpherePacker
 from cltrace.run.pack.toolbox import Toolbox
@@ -272,14 +273,14 @@ def test_lists_of_cameras_are_side_by_side(
 
 def test_further_cameras_are_packed_of_fewer(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """From a quarter of the surfaces on, as long as these stay where they are. All have what lights see in common."""
-    monkeypatch.setattr(packers, "MANY", 4 * 3000 - 1)
+    monkeypatch.setattr(pack, "MANY", 4 * 3000 - 1)
     renderer, other = cltrace.Renderer(crowded(), device), camera(position=(1.0, 2.0, 2.5))
     moved = renderer.look(other)
     assert ("entry" in renderer.plan.arrays, "entry" in moved.plan.arrays) == (True, False)
     assert np.array_equal(moved.render().rgb8, cltrace.Renderer(crowded().seen_by(other), device).render().rgb8)
     assert renderer.look(camera())._now.packer is renderer.look(other)._now.packer is moved._now.packer
     assert "entry" in moved.update(centers=balls(3000, 0.3, 7)[0]).plan.arrays
-    monkeypatch.setattr(packers, "MANY", 4 * 3000)
+    monkeypatch.setattr(pack, "MANY", 4 * 3000)
     assert "entry" in cltrace.Renderer(crowded(), device).look(other).plan.arrays
 
 

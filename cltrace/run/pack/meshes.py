@@ -64,7 +64,7 @@ class MeshPacker:
         return world.of_shape(MeshPacking).triangles is self.triangles
 
     def view(self, world: ScenePacking, camera: AnyCamera, keep: bool = True) -> tuple[CameraView, dict[str, Any]]:
-        """See Packer. What parallel lights see is kept from the second camera on, for which all surfaces get light."""
+        """See view_by(). What parallel lights see is kept from the second camera on: all surfaces get light then."""
         with self._lock, driver_errors(self._device), Announcement("compiling the kernel ..."):
             seen = _SeenMeshes(self, world, camera, keep)
             view = CameraView.of(world, camera, seen.request, Methods(seen.in_view, seen.build, seen.known))

@@ -98,7 +98,7 @@ class SpherePacker:
         return world.of_shape(SpherePacking) is self.spheres
 
     def view(self, world: ScenePacking, camera: AnyCamera, keep: bool = True) -> tuple[CameraView, dict[str, Any]]:
-        """See Packer."""
+        """See view_by()."""
         with self._lock, driver_errors(self._device), Announcement("compiling the kernel ..."):
             found = _SeenSpheres(self, world, camera, keep).view()
         return found or (CameraView.of(world, camera, self.request), {})
