@@ -20,7 +20,6 @@ from PIL import Image as Picture
 import cltrace
 from cltrace import cli
 from cltrace.base.errors import UsageError
-from cltrace.plan.request import KEEPS
 
 FIRST = Path(__file__).parents[2] / "scenes" / "step3-shadows.xml"
 
@@ -93,36 +92,21 @@ def test_show(tmp_path: Path, show: str) -> None:
     assert len(np.unique(got.reshape(-1, 3), axis=0)) > 3
 
 
-@pytest.mark.slow
-def test_what_is_not_computed_is_not_counted(tmp_path: Path) -> None:
-    """A picture of ids looks at no light. The benchmark's switches count what is skipped otherwise."""
-    scene = cltrace.load(FIRST)
-    lean, full = (cltrace.Renderer(scene, crop=(200, 150, 321, 210), keep=keep) for keep in ((), KEEPS))
-    decided = "spheres that are decided in full for a ray"
-    assert full.work()[decided] > lean.work()[decided]
-    assert full.work()["spheres that float32 rules out for a ray"] == 0
-    assert full.skipped["spheres out of the picture"] == 0
-    ids = json.loads(call(FIRST, "--stats=json", "--show=id", cwd=tmp_path).stdout)
-    assert ids["rays"]["shadow"] == ids["work"]["highlights computed"] == 0
-
-
 def test_stats_json_is_one_object_on_stdout(tmp_path: Path) -> None:
     done = call(FIRST, "--stats=json", cwd=tmp_path)
     stats = json.loads(done.stdout)
     assert done.stdout.count(b"\n") == 1
-    assert set(stats) == {
-        "device", "precision", "size", "spheres", "triangles", "cylinders", "features", "seconds", "rays", "work",
-        "skipped",
-    }  # fmt: skip
+    assert {"device", "spheres", "triangles", "cylinders", "features", "work", "skipped"} <= set(stats)
     assert stats["precision"] == "accurate"
     assert stats["size"] == [481, 361]
     assert set(stats["seconds"]) == {"read", "pack", "lists", "build", "upload", "kernel", "readback", "write", "total"}
     assert all(value >= 0 for value in stats["seconds"].values())
     assert stats["rays"]["primary"] == 481 * 361
     assert 0 < stats["rays"]["shadow"] < 481 * 361
-    text = call(FIRST, "--stats", cwd=tmp_path)
+    text = call(FIRST, "--stats", "--show", "id", cwd=tmp_path)
     assert text.stdout == b""
-    assert b"kernel" in text.stderr
+    assert re.search(rb"(?m)^seconds +[0-9.e-]+ kernel$", text.stderr)
+    assert re.search(rb"(?m)^rays +0 shadow$", text.stderr)
 
 
 def test_check(tmp_path: Path) -> None:
@@ -134,24 +118,6 @@ def test_check(tmp_path: Path) -> None:
     crop = call(FIRST, "--crop", "200,200,230,220", "--check=all", "--show", "id", cwd=tmp_path)
     assert crop.returncode == 0
     assert b"check ok: 600 of 600 pixels" in crop.stderr
-
-
-def test_few_pixels_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As of 300,000 spheres; the scene has 12."""
-    monkeypatch.setattr(cltrace.students.check, "DEFAULT_TESTS", 5 * (40 + 12) * 2)
-    done = call(FIRST, "--check", cwd=tmp_path)
-    assert done.returncode == 0
-    first, second = done.stderr.decode().splitlines()[1:]
-    assert first.startswith("cltrace: check ok: 5 of 173641 pixels against the reference, ")
-    told = (
-        r"only 5 pixels were compared, as the reference takes [0-9.,]+ ms a pixel for 12 spheres and 1 light; "
-        "--check=N compares "
-    )
-    assert re.fullmatch(told + "more", second)
-    assert b"only" not in call(FIRST, "--check=5", cwd=tmp_path).stderr
-    assert b"only" not in call(FIRST, "--check", "--size=2x2", cwd=tmp_path).stderr
-    text = " ".join(cli.parser().format_help().split())
-    assert "compare N pixels with the reference (default 20000, or fewer)" in text
 
 
 def test_list_devices(tmp_path: Path) -> None:
@@ -295,12 +261,9 @@ def textured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     [
         ([], "output_file", "t.png", "t.png"),
         (["--watch"], "output_file", "t.png", "t.png"),
-        (["--size=4x3", "--transparent"], "output_file", "t.png", "t.png"),
         (["-o", "a.png", "-o", "./maps/../t.png"], "-o", "./maps/../t.png", "t.png"),
-        (["-o", "maps/m.png"], "-o", "maps/m.png", "maps/m.png"),
         (["-o", "link.png"], "-o", "link.png", "t.png"),
         (["-o", "hard.png"], "-o", "hard.png", "maps/m.png"),
-        (["-o", "folder/m.png"], "-o", "folder/m.png", "maps/m.png"),
         (["--show", "lit"], "output_file", "t.png", "t.png"),
         (["--compare", "mine.png", "-o", "mine.png"], "-o", "mine.png", "mine.png"),
         (["s.xml"], "output_file", "t.png", "t.png"),
@@ -320,7 +283,6 @@ def test_no_input_is_replaced_by_a_picture(
         Path(name).symlink_to("t.png")
     Path("hard.png").hardlink_to("maps/m.png")
     Path("scene.png").symlink_to("s.xml")
-    Path("folder").symlink_to("maps")
     Path("other.xml").write_text(TEXTURED)
     Path("mine.png").write_bytes(Path("t.png").read_bytes())
     names = [path for path in textured.rglob("*") if path.is_file()]
@@ -338,41 +300,25 @@ def test_python_replaces_no_input_of_a_movie(textured: Path) -> None:
     assert pixels(textured / "t.png").tolist() == [[[99, 99, 99]]]
 
 
-def test_names_that_look_like_options_or_folders(tmp_path: Path) -> None:
+def test_odd_names(tmp_path: Path) -> None:
+    """Names that look like options and folders, and links that lead to themselves."""
     (tmp_path / "-x.xml").write_text(TEXTURED.replace('"t.png"/>', '"u.png"/>'))
     (tmp_path / "s.xml").write_bytes(FIRST.read_bytes())
-    done = call("-o", "a.png", "--", "-x.xml", cwd=tmp_path)
-    assert (done.returncode, done.stderr.decode().split(" ")[0]) == (2, "-x.xml:5:")
-    for name in ("s.xml/", "s.xml/."):
-        done = call(name, "-o", "a.png", cwd=tmp_path)
-        assert (done.returncode, done.stderr.decode()) == (2, f"{name}: cannot be read: Not a directory\n")
-
-
-def test_links_to_themselves(tmp_path: Path) -> None:
-    """As the picture, as one of two links that lead to each other, as its folder, and as the scene."""
-    (tmp_path / "s.png").symlink_to("s.png")
-    (tmp_path / "a.png").symlink_to("b.png")
-    (tmp_path / "b.png").symlink_to("a.png")
-    (tmp_path / "loop").symlink_to("loop")
-    (tmp_path / "s.xml").symlink_to("s.xml")
+    for name in ("s.png", "loop", "loop.xml"):
+        (tmp_path / name).symlink_to(name)
     before = sorted(tmp_path.iterdir())
     for arguments, message in [
-        ((FIRST, "-o", "s.png"), "cltrace: -o: Too many levels of symbolic links: 's.png'\n"),
-        ((FIRST, "-o", "a.png"), "cltrace: -o: Too many levels of symbolic links: 'a.png'\n"),
-        ((FIRST, "-o", "loop/s.png"), "cltrace: -o: there is no folder 'loop'\n"),
-        (("s.xml",), "s.xml: cannot be read: Too many levels of symbolic links\n"),
+        (("-o", "a.png", "--", "-x.xml"), "-x.xml:5: "),
+        (("s.xml/", "-o", "a.png"), "s.xml/: cannot be read: Not a directory\n"),
+        (("s.xml", "-o", "s.png"), "cltrace: -o: Too many levels of symbolic links: 's.png'\n"),
+        (("s.xml", "-o", "loop/s.png"), "cltrace: -o: there is no folder 'loop'\n"),
+        (("loop.xml",), "loop.xml: cannot be read: Too many levels of symbolic links\n"),
+        (("s.xml", "-o", "x" * 300 + ".png"), "cltrace: -o: File name too long: "),
     ]:
         done = call(*arguments, cwd=tmp_path)
-        assert (done.returncode, done.stderr.decode()) == (2, message)
+        assert done.returncode == 2
+        assert done.stderr.decode().startswith(message)
     assert sorted(tmp_path.iterdir()) == before
-
-
-@pytest.mark.parametrize("name", ["x" * 300 + ".png", "locked/x.png"])
-def test_names_that_cannot_be_written(tmp_path: Path, name: str) -> None:
-    (tmp_path / "locked").mkdir(mode=0)
-    done = call(FIRST, "-o", name, cwd=tmp_path)
-    if os.getuid() or name.startswith("x"):  # root is locked out of no folder
-        assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
 
 
 def test_full_and_closed_streams(tmp_path: Path) -> None:
@@ -384,13 +330,14 @@ def test_full_and_closed_streams(tmp_path: Path) -> None:
 
     warned = tmp_path / "warned.xml"
     warned.write_text(FIRST.read_text().replace("<camera>", "<camera><hat/>"))
-    assert shell("> /dev/full", str(FIRST), "--stats=json").returncode == 2
+    small = "--size", "8x6"
+    assert shell("> /dev/full", str(FIRST), "--stats=json", *small).returncode == 2
     assert shell("> /dev/full", "--list-devices").returncode == 2
-    closed = shell(">&-", str(FIRST), "-o -")
+    closed = shell(">&-", str(FIRST), "-o -", *small)
     assert (closed.returncode, closed.stderr) == (2, b"cltrace: stdout is closed\n")
-    assert shell("2> /dev/full", str(FIRST)).returncode == 0
-    assert pixels(shell("2>&-", "warned.xml", "-o -").stdout).shape == (361, 481, 3)
-    json.loads(shell("2>&-", "warned.xml", "--stats=json").stdout)
+    assert shell("2> /dev/full", str(FIRST), *small).returncode == 0
+    assert pixels(shell("2>&-", "warned.xml", "-o -", *small).stdout).shape == (6, 8, 3)
+    json.loads(shell("2>&-", "warned.xml", "--stats=json", *small).stdout)
 
 
 def test_sigterm_leaves_nothing_behind(tmp_path: Path) -> None:

@@ -53,25 +53,6 @@ def test_limits_reach_other_processes(tmp_path: Path) -> None:
     assert words.endswith("takes more than 3 rays; --limit rays=N or CLTRACE_LIMITS allows more")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("options", [[], ["--antialias"]])
-def test_what_would_take_hours_is_refused(tmp_path: Path, options: list[str]) -> None:
-    """15 spheres of glass around each other, at 20 bounces: a million rays of each pixel."""
-    ball = MINIMAL[MINIMAL.index("<sphere") : MINIMAL.index("</sphere>") + 9]
-    glass = re.sub('transmittance t="[^"]*"', 'transmittance t="0.5"', re.sub(' r="[^"]*"/>', ' r="0.4"/>', ball))
-    balls = "".join(re.sub('radius="[^"]*"', f'radius="{2 - 0.1 * k:.1f}"', glass) for k in range(15))
-    text = re.sub('max_bounces n="[0-9]+"', 'max_bounces n="20"', MINIMAL.replace(ball, balls))
-    (tmp_path / "s.xml").write_text(re.sub('iof="[^"]*"', 'iof="1.5"', text))
-    status, words = call(tmp_path, "--limit", "seconds=1", *options)
-    assert status == 2
-    assert re.fullmatch(
-        r"cltrace: drawing takes longer than 1 s; lower max_bounces, which is 20.*; "
-        r"--limit seconds=N or CLTRACE_LIMITS allows more",
-        words,
-    )
-    assert not list(tmp_path.glob("*.png*"))
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [

@@ -27,9 +27,11 @@ from cltrace.run.devices import Device
 from cltrace.students.check import CONTRACT
 
 FIRST = SCENES[0].parent / "first.xml"
-SLOW_SCENES = ("room",)  # whose pixels take the reference 50 ms and more
-# What an ordinary run looks at: each of the others has a kernel to compile.
-FEW = ("first",)
+# Pixels that are looked at, and in which part of the picture: few take 50 ms and more, or have a kernel to compile.
+PIXELS = [
+    pytest.param("first", 12, (32, 24)),
+    *(pytest.param(path.stem, 40 if path.stem == "room" else 200, None, marks=pytest.mark.slow) for path in SCENES),
+]
 
 
 def printed_bytes(explanation: cltrace.Explanation) -> tuple[list[int], list[int]]:
@@ -47,8 +49,12 @@ def printed_bytes(explanation: cltrace.Explanation) -> tuple[list[int], list[int
     return bytes_, [int(word) for word in lines[-1].split()[-3:]]
 
 
-def check_scene(path: Path, device: Device, pixels: int, part: tuple[int, int] | None = None) -> None:
+@pytest.mark.parametrize(("name", "pixels", "part"), PIXELS)
+def test_the_printed_terms_add_up_to_the_pictures_bytes(
+    name: str, pixels: int, part: tuple[int, int] | None, device: Device
+) -> None:
     """Pixels at random of a scene, or of a part of that size somewhere in it."""
+    path = FIRST.with_name(f"{name}.xml")
     scene, place = cltrace.load(path), random.Random(path.name)
     width, height = scene.camera.resolution
     size = part or (width, height)
@@ -68,23 +74,6 @@ def check_scene(path: Path, device: Device, pixels: int, part: tuple[int, int] |
         assert np.allclose(found.rays[0].color, found.color, rtol=1e-12, atol=1e-14), (x, y)
         assert printed_bytes(found) == (list(found.rgb8), list(found.rgb8)), (x, y)
     assert close <= max(1, CONTRACT["accurate"][0] * pixels)
-
-
-@pytest.mark.parametrize("path", [path for path in SCENES if path.stem in FEW], ids=lambda path: path.stem)
-def test_the_printed_terms_add_up_to_the_pictures_bytes(path: Path, device: Device) -> None:
-    check_scene(path, device, 12, (32, 24))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
-def test_the_printed_terms_add_up_to_the_pictures_bytes_everywhere(path: Path, device: Device) -> None:
-    check_scene(path, device, 40 if path.stem in SLOW_SCENES else 200)
-
-
-@pytest.mark.stress
-@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
-def test_the_printed_terms_of_a_thousand_pixels_add_up(path: Path, device: Device) -> None:
-    check_scene(path, device, 1000)
 
 
 def test_the_command_prints_what_python_has(capsys: pytest.CaptureFixture[str]) -> None:
@@ -111,17 +100,11 @@ def test_size_square_pixels_and_truncate_count(capsys: pytest.CaptureFixture[str
     ("options", "message"),
     [
         (["960,0"], "--explain: must be within 0,0 and 959,539, got 960,0"),
-        (["0,540"], "--explain: must be within 0,0 and 959,539, got 0,540"),
         (["9,9", "--size", "9x10"], "--explain: must be within 0,0 and 8,9, got 9,9"),
-        (["-1,0"], "argument --explain: must be X,Y from the top left, such as 320,200, got '-1,0'"),
-        (["1"], "argument --explain: must be X,Y from the top left, such as 320,200, got '1'"),
-        (["1,2,3"], "argument --explain: must be X,Y from the top left, such as 320,200, got '1,2,3'"),
         (["1.5,2"], "argument --explain: must be X,Y from the top left, such as 320,200, got '1.5,2'"),
         (["1,2", "-o", "a.png"], "--explain takes no -o"),
-        (["1,2", "-d", "cpu"], "--explain takes no -d"),
-        (["1,2", "--check"], "--explain takes no --check"),
-        (["1,2", "--show", "id"], "--explain takes no --show"),
         (["1,2", "--stats=json"], "--explain takes no --stats"),
+        (["1,2", "--trace", "--json"], "--json and --trace both say how --explain prints"),
     ],
 )
 def test_what_makes_no_sense_is_said(options: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -130,11 +113,6 @@ def test_what_makes_no_sense_is_said(options: list[str], message: str, capsys: p
     assert not said.out
     assert said.err.startswith(f"cltrace: {message}")
     assert said.err.count("\n") == 1
-
-
-def test_json_alone_makes_no_sense(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main([str(FIRST), "--json"]) == 2
-    assert capsys.readouterr().err.startswith("cltrace: --json goes with --explain")
 
 
 @pytest.mark.parametrize("pixel", [(-1, 0), (0, 540), (960, 0), (1.5, 0), (True, 0), ("1", 0)])
@@ -177,6 +155,12 @@ def explained(folder: Path, *surfaces: str, x: int = 10, y: int = 10, bounces: i
     return cltrace.explain(cltrace.load(path), x, y)
 
 
+def hit_of(found: cltrace.Explanation) -> Hit:
+    hit = found.rays[0].hit
+    assert hit is not None
+    return hit
+
+
 def test_the_numbers_of_a_small_scene(tmp_path: Path) -> None:
     """Along -z from (0, 0, 6): a ball at the origin, and one behind it, from lines 11 and 14 on."""
     found = explained(tmp_path, ball(0), ball(-4))
@@ -190,8 +174,7 @@ def test_the_numbers_of_a_small_scene(tmp_path: Path) -> None:
     sphere = near.textbook
     assert isinstance(sphere, SphereTest)
     assert (sphere.a, sphere.b, sphere.c, sphere.discriminant, sphere.t) == (1, -12, 35, 1, (5, 7))
-    hit = ray.hit
-    assert hit is not None
+    hit = hit_of(found)
     assert (hit.point, hit.normal, hit.t, hit.inside) == ((0, 0, 1), (0, 0, 1), 5, False)
     assert [(a.light.kind, a.light.number, a.light.line, a.color) for a in ray.ambient] == [
         ("ambient_light", 0, 6, (0.1, 0.2, 0))
@@ -359,23 +342,15 @@ def test_a_light_at_the_point_and_one_beside_its_cone(tmp_path: Path) -> None:
         cltrace.point_light((0, 0, 1)),
         cltrace.spot_light((0, 3, 2), (0, 0, -1), 10, 20),
         cltrace.spot_light((0, 3, 4), (0, -1, -1), 10, 20, (1.5, 1, 0)),
-        cltrace.spot_light((0, 3, 4), (0, -1, -1.5), 5, 17, (1.5, 1, 0)),
     ]
     scene = cltrace.Scene.from_spheres(camera, lights, [(0, 0, 0)], 1, kd=0.5, ks=0)
     found = cltrace.explain(scene, 1, 1)
-    touching, beside, full, part = found.rays[0].lights
+    touching, beside, full = found.rays[0].lights
     assert (touching.fate, touching.diffuse) == ("at the point", (0, 0, 0))
-    assert (beside.fate, beside.cone) == (
-        "beside the cone",
-        (pytest.approx(np.degrees(np.arctan(3))), 10, pytest.approx(20)),
-    )
-    assert (full.fate, full.strength, full.cone) == ("lit", 1, (pytest.approx(0), 10, pytest.approx(20)))
+    assert beside.fate == "beside the cone"
+    assert beside.cone == pytest.approx((np.degrees(np.arctan(3)), 10, 20))
+    assert (full.fate, full.strength, full.cone) == ("lit", 1, pytest.approx((0, 10, 20), abs=1e-6))
     assert full.diffuse == pytest.approx((1.5 * 0.5 / np.sqrt(2), 0.5 / np.sqrt(2), 0))
-    angle = 45 - np.degrees(np.arctan(1 / 1.5))
-    assert part.cone is not None
-    assert part.cone[0] == pytest.approx(angle)
-    assert part.strength == pytest.approx(1 - (angle - 5) / 12)
-    assert part.diffuse[0] == pytest.approx(part.strength * full.diffuse[0])
 
 
 def test_a_surface_without_a_file_has_no_line() -> None:
@@ -395,67 +370,56 @@ def test_rays_without_end_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
         cltrace.explain(glass, 1, 1)
 
 
-def test_a_meshs_triangle_has_the_line_of_its_face(tmp_path: Path) -> None:
-    """Two triangles of a square at z = 0, of one face, and one before it that is smooth."""
+def textured(folder: Path, texels: np.ndarray) -> tuple[str, str]:
+    """The material of a ball, and the same with a texture."""
+    Picture.fromarray(texels).save(folder / "t.png")
     material = BALL[BALL.index("<material") : BALL.index("</sphere>")].format(r=0, t=0, transform="")
     rest = material[material.index("<phong") :].replace("solid", "textured")
-    textured = f'<material_textured><texture name="t.png"/>{rest}'
-    Picture.fromarray(np.array([[[255, 0, 0], [0, 255, 0]]], np.uint8)).save(tmp_path / "t.png")
+    return material, f'<material_textured><texture name="t.png"/>{rest}'
+
+
+def test_a_meshs_triangle_has_the_line_of_its_face(tmp_path: Path) -> None:
+    """Two triangles of a square at z = 0, of one face, and one before it that is smooth."""
+    material, image = textured(tmp_path, np.array([[[255, 0, 0], [0, 255, 0]]], np.uint8))
     square = "v -1 -2 0\nv 3 -2 0\nv 3 2 0\nv -1 2 0\nvt 0.25 0\nvt 0.75 0\n"
     (tmp_path / "square.obj").write_text(f"{square}f 1/1 3/2 4/1 # the other half\n\nf 1/1 2/2 3/2\n")
     (tmp_path / "smooth.obj").write_text("v -1 -1 1\nv 2 -1 1\nv 0 2 1\nvn 0 0 -2\nvn 1 0 -1\nf 1//1 2//2 3//1\n")
-    meshes = [f'<mesh name="square.obj">{textured}</mesh>', f'<mesh name="smooth.obj">{material}</mesh>']
+    meshes = [f'<mesh name="square.obj">{image}</mesh>', f'<mesh name="smooth.obj">{material}</mesh>']
     found = explained(tmp_path, ball(-9), *meshes, x=14)
     smooth, flat = found.rays[0].tests
     assert (smooth.surface.id, smooth.surface.line, smooth.surface.primitive, smooth.surface.face_line) == (2, 16, 0, 6)
     assert (flat.surface.id, flat.surface.primitive, flat.surface.face_line) == (1, 1, 9)
     assert f"  mesh 1 (line {flat.surface.line}), triangle 1 (line 9 of square.obj)\n" in str(found)
-    hit = found.rays[0].hit
-    assert hit is not None
-    assert (hit.shape, hit.turned, hit.inside) == ("smooth", True, True)
+    assert (hit_of(found).shape, hit_of(found).turned, hit_of(found).inside) == ("smooth", True, True)
     alone = explained(tmp_path, meshes[0], x=14)
-    hit = alone.rays[0].hit
-    assert hit is not None
+    hit = hit_of(alone)
     assert hit.texture is not None
     assert (hit.shape, hit.turned, hit.texture.name, hit.texture.size) == ("flat", False, "t.png", (2, 1))
     # u is a quarter at x = -1 and three quarters at x = 3, and pixels are 6 * 2 tan(30) / 21 wide there.
     u = 0.25 + (1 + 4 * 12 * np.tan(np.pi / 6) / 21) / 8
     assert hit.texture.uv == (pytest.approx(u), 0)
-    assert (hit.texture.x, hit.texture.y) == (1, 0)
-    assert (hit.texture.right, hit.texture.down) == (pytest.approx(2 * u - 1), 0)
-    assert hit.texture.color == pytest.approx((2 * u - 1, 2 - 2 * u, 0))
     assert f"(u mod 1) * width = {2 * u:.6g}: columns 1 and 0, {2 * u - 1:.6g} of the latter" in str(alone)
 
 
 def test_the_texels_that_are_mixed(tmp_path: Path) -> None:
-    material = BALL[BALL.index("<material") : BALL.index("</sphere>")].format(r=0, t=0, transform="")
-    rest = material[material.index("<phong") :].replace("solid", "textured")
     texels = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [51, 51, 51]]], np.uint8)
-    Picture.fromarray(texels).save(tmp_path / "t.png")
-    sphere = ball(0).replace(material, f'<material_textured><texture name="t.png"/>{rest}')
-    found = explained(tmp_path, sphere, x=12, y=8)
-    hit = found.rays[0].hit
-    assert hit is not None
-    assert hit.texture is not None
-    four = hit.texture.texels
-    assert sum(texel.weight for texel in four) == pytest.approx(1)
-    for texel in four:
+    found = explained(tmp_path, ball(0).replace(*textured(tmp_path, texels)), x=12, y=8)
+    texture = hit_of(found).texture
+    assert texture is not None
+    assert sum(texel.weight for texel in texture.texels) == pytest.approx(1)
+    for texel in texture.texels:
         assert texel.color == tuple(texels[texel.y, texel.x] / 255)
-        text = (
-            f"texel ({texel.x}, {texel.y}) = ({', '.join(f'{c:.6g}' for c in texel.color)}), weight {texel.weight:.6g}"
-        )
-        assert text in str(found)
-    mixed = np.array([texel.weight for texel in four]) @ [texel.color for texel in four]
-    assert hit.texture.color == pytest.approx(tuple(mixed))
+        color = ", ".join(f"{c:.6g}" for c in texel.color)
+        assert f"texel ({texel.x}, {texel.y}) = ({color}), weight {texel.weight:.6g}" in str(found)
+    mixed = np.array([texel.weight for texel in texture.texels]) @ [texel.color for texel in texture.texels]
+    assert texture.color == pytest.approx(tuple(mixed))
 
 
 def test_a_transform_and_the_ray_in_the_objects_space(tmp_path: Path) -> None:
     """A ball of radius 1, first scaled by 2 and then moved by (0, 0, -1), met from z = 6 at z = 1."""
     steps = '<transform><translate x="0" y="0" z="-1"/><scale x="2" y="2" z="2"/></transform>'
     found = explained(tmp_path, ball(0, transform=steps))
-    hit = found.rays[0].hit
-    assert hit is not None
-    place = hit.placement
+    hit, place = hit_of(found), hit_of(found).placement
     assert place is not None
     assert place.matrix == ((2, 0, 0, 0), (0, 2, 0, 0), (0, 0, 2, -1))
     assert place.inverse == ((0.5, 0, 0, 0), (0, 0.5, 0, 0), (0, 0, 0.5, 0.5))
@@ -463,7 +427,7 @@ def test_a_transform_and_the_ray_in_the_objects_space(tmp_path: Path) -> None:
     # In the object's space, the ball of radius 1 is met at the same t.
     assert place.origin[2] + hit.t * place.direction[2] == 1
     assert "  in the object's space o' = M^-1 o = (0, 0, 3.5)\n" in str(found)
-    assert explained(tmp_path, ball(0)).rays[0].hit.placement is None  # type: ignore[union-attr]
+    assert hit_of(explained(tmp_path, ball(0))).placement is None
 
 
 def test_a_spot_light_has_its_formula(tmp_path: Path) -> None:
@@ -495,9 +459,6 @@ def test_the_table_has_the_numbers_of_the_text(tmp_path: Path, capsys: pytest.Ca
     assert rows[-1] == ["0", "bytes", *map(str, found.rgb8)]
     assert cli.main([str(tmp_path / "two.xml"), "--explain", "10,9", "--trace"]) == 0
     assert capsys.readouterr().out == found.table + "\n"
-    for wrong in (["--trace"], ["--explain", "1,1", "--trace", "--json"]):
-        assert cli.main([str(tmp_path / "two.xml"), *wrong]) == 2
-        assert len(capsys.readouterr().err.splitlines()) == 1
 
 
 def near(a: object, b: object) -> bool:
@@ -541,23 +502,18 @@ def check_tests(ray: TracedRay) -> None:
 
 
 def check_hit(ray: TracedRay, hit: Hit) -> None:
-    """The point, the normal, and each light by Phong's formula."""
+    """The point, the normal, each light, and what is in its way."""
     d, n, C = np.array(ray.direction), np.array(hit.normal), np.array(hit.color)
     assert near(hit.point, np.array(ray.origin) + hit.t * d)
     assert near(np.linalg.norm(n), 1)
     assert n @ d <= 0
     assert hit.surface == ray.tests[0].surface
-    for ambient in ray.ambient:
-        assert near(ambient.color, hit.ka * np.array(ambient.L) * C)
     for term in ray.lights:
-        towards, r = np.array(term.l), np.array(term.r)
-        assert near(np.linalg.norm(towards), 1)
+        towards, strength = np.array(term.l), term.strength if term.fate == "lit" else 0
         assert near(term.n_l, n @ towards)
-        assert near(r, 2 * term.n_l * n - towards)
-        assert near(term.r_v, r @ -d)
-        lit = term.strength if term.fate == "lit" else 0
-        assert near(term.diffuse, lit * hit.kd * np.array(term.L) * C * max(0, term.n_l))
-        assert near(term.specular, lit * hit.ks * np.array(term.L) * max(0, term.r_v) ** hit.exponent)
+        assert near(term.r_v, np.array(term.r) @ -d)
+        assert near(term.diffuse, strength * hit.kd * np.array(term.L) * C * max(0, term.n_l))
+        assert near(term.specular, strength * hit.ks * np.array(term.L) * max(0, term.r_v) ** hit.exponent)
         assert (term.fate == "in shadow") == (term.blockers > 0)
         assert all(met.distance < term.distance for met in term.between)
         assert all(near(met.point, hit.point + met.distance * towards) for met in term.between if met.point)
@@ -565,40 +521,26 @@ def check_hit(ray: TracedRay, hit: Hit) -> None:
 
 
 def check_bounces(found: cltrace.Explanation, ray: TracedRay, hit: Hit) -> None:
-    """Mirrors, Snell's law, and the shares."""
-    d, n = np.array(ray.direction), np.array(hit.normal)
+    """The shares and angles of mirrors and glass, and the rays that they send on."""
+    n = np.array(hit.normal)
     assert near(ray.share, max(0, 1 - hit.reflectance - hit.transmittance) if ray.bounces else 1)
     for bounce in ray.bounces:
-        assert near(np.cos(np.radians(bounce.angle_in)), -n @ d)
         share = hit.transmittance if bounce.kind == "refracted" else hit.reflectance + bounce.total * hit.transmittance
         assert near(bounce.share, share)
+        assert near(np.cos(np.radians(bounce.angle_in)), -n @ ray.direction)
         if bounce.ray is None:
             assert ray.weight * bounce.share < 1 / 512
             continue
         further = found.rays[bounce.ray]
         assert near((further.weight, further.depth), (ray.weight * bounce.share, ray.depth + 1))
         assert (further.kind, further.color, further.origin) == (bounce.kind, bounce.color, hit.point)
-        if bounce.kind == "mirrored":
-            assert near(further.direction, d - 2 * (d @ n) * n)
-        else:
-            eta = hit.index if hit.inside else 1 / hit.index
-            across = d - (d @ n) * n
-            assert near(further.direction - (further.direction @ n) * n, eta * across)
-            assert further.direction @ n < 0
-            assert near(np.sin(np.radians(bounce.angle_out)), np.linalg.norm(eta * across))
+        assert near(np.cos(np.radians(bounce.angle_out)), abs(n @ further.direction))
 
 
-CHECKED = [
-    "first",
-    "tall",
-    "wide",
-    "three-lights",
-    "spot-colours",
-    "dusk",
-    "step6-textures",
-    "step7-glass",
-    "step8-cone",
-]
+CHECKED = (
+    *("first", "tall", "wide", "three-lights", "spot-colours", "dusk"),
+    *("step6-textures", "step7-glass", "step8-cone"),
+)
 
 
 @pytest.mark.parametrize("name", CHECKED)
