@@ -40,18 +40,15 @@ class Inputs:
     """Files that pictures are made from, which none may replace, by whatever name. Threads may add some meanwhile."""
 
     def __init__(self, files: Iterable[Path] = ()) -> None:
-        self._known: set[Path] = set()
         self._places: dict[tuple[int, int], Path] = {}  # by disk and file number
         self.add(files)
 
     def add(self, files: Iterable[Path]) -> None:
-        """More of them. Each is looked at once, however many pictures there are."""
+        """More of them."""
         for path in files:
             with contextlib.suppress(OSError):
-                if path not in self._known:
-                    self._known.add(path)
-                    found = path.stat()
-                    self._places[found.st_dev, found.st_ino] = path
+                found = path.stat()
+                self._places[found.st_dev, found.st_ino] = path
 
     def check(self, target: str, origin: str) -> None:
         """Raises UsageError if a picture of this name would replace one of them, and OSError if the name is odd.

@@ -11,7 +11,6 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any, Literal, get_args
 
 from cltrace.explanation.explanation import Explanation
-from cltrace.explanation.record import Hit, LightTerm
 from cltrace.explanation.textbook import Triple
 from cltrace.students.places import members
 
@@ -111,22 +110,20 @@ def as_json(found: Explanation, reach: float) -> str:
 
 
 def lines_of(found: Explanation, reach: float) -> Iterator[RayLine]:
-    """All of them, the pixel's ray first. reach: how long those are that have no end, in scene units."""
+    """All of them, the pixel's ray first. reach: how long those are that have no end, in scene units.
+
+    A shadow ray goes from the point to what blocks it, and on to the light.
+    """
     for ray in found.rays:
         yield RayLine(ray.kind, ray.origin, ray.hit.point if ray.hit else _along(ray.origin, ray.direction, reach))
-        for light in ray.lights:
-            for one in members(light):
-                assert ray.hit
-                yield from _shadow_ray(ray.hit, one, reach)
-
-
-def _shadow_ray(hit: Hit, light: LightTerm, reach: float) -> Iterator[RayLine]:
-    """From the point to what blocks it, and to the light."""
-    start, end = hit.point, _along(hit.point, light.l, light.distance if math.isfinite(light.distance) else reach)
-    blocker = light.between[0].point if light.between else None
-    yield RayLine(light.fate, start, blocker or end)
-    if blocker:
-        yield RayLine("beyond", blocker, end)
+        for light in (one for lights in ray.lights for one in members(lights)):
+            assert ray.hit
+            start = ray.hit.point
+            end = _along(start, light.l, light.distance if math.isfinite(light.distance) else reach)
+            blocker = light.between[0].point if light.between else None
+            yield RayLine(light.fate, start, blocker or end)
+            if blocker:
+                yield RayLine("beyond", blocker, end)
 
 
 def _along(start: Triple, direction: Triple, distance: float) -> Triple:
