@@ -54,17 +54,13 @@ def parser() -> argparse.ArgumentParser:
                    help="also without each of the stages that skip work: what they save")  # fmt: skip
     p.add_argument("--counted", action="store_true", help="count rays, tests and entries of lists instead of measuring")
     p.add_argument("--from", dest="source", metavar="FILE", help="no run: the results.json of another one, again")
-    p.add_argument("--against", metavar="FILE",
-                   help="also say what is slower, less right or more work than in that results.json")  # fmt: skip
-    p.add_argument("--tolerance", type=positive, default=10, metavar="PERCENT",
-                   help="by how much times and errors may grow (default: %(default)s); counts may not")  # fmt: skip
     p.add_argument("--publish", action="store_true", help="in a checkout: also write docs/benchmark.md and its figures")
     p.add_argument("--version", action="version", version=f"cltrace-bench {metadata.version('cltrace')}")
     return p
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command. Returns its exit status: 0 ok, 1 worse than before, 2 usage or scene, 3 device."""
+    """Runs the command. Returns its exit status: 0 ok, 2 usage or scene, 3 device."""
     kept = "interrupted; what was measured is kept"
     return command("cltrace-bench", lambda: _run(parser().parse_args(argv)), interrupted=kept)
 
@@ -76,7 +72,6 @@ def _run(args: argparse.Namespace) -> int:
     plots = not (args.no_plots or args.counted)
     if plots and not importlib.util.find_spec("matplotlib"):
         raise UsageError("the plots need matplotlib: pip install 'cltrace[bench]', or say --no-plots")
-    old = load(args.against) if args.against else None
     results = load(args.source) if args.source else Results({})
     folder = Path(args.output)
     folder.mkdir(parents=True, exist_ok=True)
@@ -89,11 +84,7 @@ def _run(args: argparse.Namespace) -> int:
     if args.publish:
         for path in report.publish(results, counted=not args.source):
             tell(f"cltrace-bench: wrote {path}")
-    if not old:
-        return 0
-    found = report.changes(old, results, args.tolerance / 100)
-    print(report.told(found))
-    return int(any(kind in report.WORSE for kind, _ in found))
+    return 0
 
 
 def _measure(args: argparse.Namespace, results: Results) -> None:

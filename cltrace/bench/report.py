@@ -1,12 +1,9 @@
-"""What was measured, as texts: tables for a terminal and for docs/benchmark.md, where peers are ahead, what has changed
-since another run, and that page itself.
-"""
+"""What was measured, as texts: tables for a terminal and for docs/benchmark.md, where peers are ahead, and the page."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from statistics import geometric_mean
@@ -206,62 +203,6 @@ def _error(point: Point) -> float:
     """By which points are compared: RMS of what stands on a curve, else the share of pixels that differ."""
     found = point.differ if point.level is None else point.rms
     return math.nan if found is None else found
-
-
-# -------------------------------------------------------------------------------------------------------- two runs
-
-
-# What fails a comparison.
-WORSE = ("slower", "less right", "more work", "gone")
-
-
-def key_of(row: Point | Wait) -> tuple[object, ...]:
-    """By which the same is found in other results."""
-    return (row.scene, row.tracer, row.way) if isinstance(row, Wait) else (row.group, row.scene, row.size, row.label)
-
-
-def changes(old: Results, new: Results, tolerance: float) -> list[tuple[str, str]]:
-    """All that has changed of what both have: its kind, and of what, from what to what.
-
-    tolerance: by what share times and errors may grow; of wrong pixels and counted work, nothing may. Times count on
-    the same machine, and where the rounds of both agree and their quartiles do not overlap.
-    """
-    found: list[tuple[str, str]] = []
-
-    def compare(name: str, before: float, now: float, less: str, more: str, share: float = 0.0) -> None:
-        if max(before, now) > min(before, now) * (1 + share):
-            found.append((more if now > before else less, f"{name}: {number(before, 3)} -> {number(now, 3)}"))
-
-    for now in new.points:
-        before = next((point for point in old.points if key_of(point) == key_of(now)), None)
-        for of in ("differ", "rms", "wrong_ids", "t_ulp", "false_shadows", "leaks") if before else ():
-            a, b = (getattr(p, of, getattr(p.errors, of, None)) for p in (before, now))  # type: ignore[union-attr]
-            if a is not None and b is not None:
-                share = tolerance if isinstance(b, float) else 0.0
-                compare(f"{now.group}: {now.scene}, {now.label}, {of}", a, b, "more right", "less right", share)
-    if all(old.about.get(name) == new.about.get(name) for name in ("cpu", "cores", "device")):
-        before_rows: list[Point | Wait] = [*old.points, *old.waits]
-        now_rows: list[Point | Wait] = [*new.points, *new.waits]
-        times = {key_of(row): row.time for row in before_rows}
-        for row in now_rows:
-            time, then = row.time, times.get(key_of(row))
-            if then and then.steady and time.steady and (time.low > then.high or then.low > time.high):
-                name = ", ".join(map(str, key_of(row)))
-                compare(f"{name}, ms", 1e3 * then.median, 1e3 * time.median, "faster", "slower", tolerance)
-    for scene in old.work if new.work else ():
-        if scene not in new.work:
-            found.append(("gone", f"{scene}: is not counted any more"))
-            continue
-        for counter in dict.fromkeys([*old.work[scene], *new.work[scene]]):
-            a, b = (of.work[scene].get(counter, 0) for of in (old, new))
-            compare(f"{scene}, {counter}", a, b, "less work", "more work")
-    return found
-
-
-def told(found: Sequence[tuple[str, str]]) -> str:
-    """The changes, a line each, and how many there are of each kind."""
-    summed = ", ".join(f"{n} {kind}" for kind, n in sorted(Counter(kind for kind, _ in found).items()))
-    return "\n".join([*(f"{kind:<10}  {text}" for kind, text in sorted(found)), summed or "no changes"])
 
 
 # ------------------------------------------------------------------------------------------------------------ the page

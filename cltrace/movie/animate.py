@@ -133,8 +133,7 @@ class FrameFiles:
     name_of: the file of a frame, by its number; suffix: ".png", or the one of a movie; inputs: files that no frame may
     replace, in addition to those of the scenes. fps, skip_existing, each: see animate(). kept: how many files were
     there already; written: the names of the PNGs that were not, and are now. Raises ValueError for what makes no sense,
-    and MissingPackageError for an MP4 or APNG without
-    ffmpeg.
+    and MissingPackageError for an MP4 or APNG without ffmpeg.
     """
 
     def __init__(

@@ -247,6 +247,4 @@ def test_work_is_as_it_was_counted(any_device: Device) -> None:
     """Exact on each machine. After a change that is meant: cltrace-bench --counted --publish, and say why."""
     from cltrace.bench import report
 
-    old = measure.load(measure.ROOT / report.COUNTED)
-    now = measure.Results({}, work=cli.count(any_device))
-    assert old.work == now.work, report.told(report.changes(old, now, 0))
+    assert measure.load(measure.ROOT / report.COUNTED).work == cli.count(any_device)

@@ -102,27 +102,6 @@ def test_where_peers_are_ahead() -> None:
     assert report.ahead(Results(ABOUT, rows[:1])).endswith("are equal: nowhere.")
 
 
-def test_what_got_worse_is_found() -> None:
-    old = some()
-    assert report.changes(old, old, 0.1) == []
-    new = some()
-    new.points[0].frames = [1.2 * s for s in STEADY]
-    new.points[0].errors = Errors(4, 0.5, 1, 0)
-    new.points[1].rms = 0.4
-    new.waits[0].seconds = [0.6] * 3
-    new.work = {"a scene": {"rays": 6}}
-    found = sorted(kind for kind, _ in report.changes(old, new, 0.1))
-    assert found == ["less right"] * 2 + ["more right"] * 2 + ["more work"] + ["slower"] * 2
-    assert "a scene, rays: 5.00 -> 6.00" in report.told(report.changes(old, new, 0.1))
-    assert "slower" not in {kind for kind, _ in report.changes(old, new, 0.3)}
-    assert "slower" not in {kind for kind, _ in report.changes(old, replace(new, about={**ABOUT, "cpu": "b"}), 0.1)}
-    assert "faster" in {kind for kind, _ in report.changes(new, old, 0.1)}
-    unsteady = some()
-    unsteady.points[0].frames = [0.002, 0.004, 0.009]
-    assert report.changes(old, unsteady, 0.1) == []
-    assert "gone" in {kind for kind, _ in report.changes(old, replace(new, work={"another": {"rays": 1}}), 0.1)}
-
-
 # -------------------------------------------------------------------------------------------------------------- figures
 
 
