@@ -36,8 +36,7 @@ def both(scene: cltrace.Scene, device: Device, request: Request, *cameras: AnyCa
     Returns how many the device has made. What parallel lights see is made anew: test_other_cameras.py keeps it.
     """
     world = ScenePacking.of(scene, request)
-    packer = SpherePacker.of(world, request, device)
-    assert packer is not None
+    packer = SpherePacker(world, request, device)
     # On the device, shadow rays may end on all spheres.
     plain, count = replace(request, keep=(*request.keep, "receivers")), 0
     keep = bool((scene.lights["kind"] != PARALLEL).all())
@@ -191,8 +190,7 @@ def test_bits_of_other_cameras(device: Device, precision: Precision) -> None:
 
 def test_what_lights_see_is_made_once(device: Device) -> None:
     world = ScenePacking.of(scene(*balls(), LIGHTS[2:]), Request())
-    packer = SpherePacker.of(world, Request(), device)
-    assert packer is not None
+    packer = SpherePacker(world, Request(), device)
     _, first = packer.view(world, camera())
     _, other = packer.view(world, camera(position=(0.1, 0.21, 3.0)))
     assert other["light_side"] is first["light_side"]
@@ -246,14 +244,12 @@ def test_lists_of_cameras_are_side_by_side(
     """
     monkeypatch.setattr(lists, "LEAST", few)
     world = ScenePacking.of(crowded(lights=LIGHTS[2:]), Request())
-    packer = SpherePacker.of(world, Request(), kind(device.spec, device.cl))
-    assert packer is not None
+    packer = SpherePacker(world, Request(), kind(device.spec, device.cl))
     cameras = [camera(position=(0.1 * k, 0.2, 3 + 0.1 * k)) for k in range(9)]
     views = [(by, *packer.view(world, by)) for by in cameras]
     expected = {}
     for by in cameras:
-        fresh = SpherePacker.of(world, Request(), kind(device.spec, device.cl))
-        assert fresh is not None
+        fresh = SpherePacker(world, Request(), kind(device.spec, device.cl))
         expected[by] = made_lists(*fresh.view(world, by), fresh.tools)
     assert (len({id(made["entry"]) for _, _, made in views}) == 1) == (few > 3000)
     for by, view, made in views:
@@ -364,7 +360,6 @@ def test_bits_of_what_numpy_packs_with_a_device(
     """Buffers of triangles, ellipsoids and spheres, but for lists, have the bits of numpy's."""
     seen, request = MIXED[name](), Request(precision)
     world = ScenePacking.of(seen, request)
-    packer = MeshPacker.of(world, request, kind(device.spec, device.cl))
-    assert packer is not None
+    packer = MeshPacker(world, request, kind(device.spec, device.cl))
     view, made = packer.view(world, seen.camera)
     check_same_view(view, made, packer.tools, CameraView.of(world, seen.camera, request))

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from cltrace.base.waiting import Announcement
 from cltrace.plan.request import Request
 from cltrace.plan.shapes.mesh import MeshPacking
 from cltrace.plan.view import CameraView
 from cltrace.plan.world import ScenePacking
-from cltrace.run.devices import Device
+from cltrace.run.devices import Device, driver_errors
 from cltrace.scene import AnyCamera
 
 if TYPE_CHECKING:
@@ -30,7 +31,8 @@ def packer_of(
     before: Packer | None = None,
     again: bool = False,
 ) -> Packer | None:
-    """What makes CameraViews of a world on a device; None for few surfaces, and where no device's serves the world.
+    """What makes CameraViews of a world on a device; None for few surfaces, and on one that does
+    not compute as numpy does.
 
     before: of another world on this device, whose spare memory is used again; again: whether there was a CameraView of
     this world. Raises BuildError and DeviceError as Executor does.
@@ -41,9 +43,13 @@ def packer_of(
     # Small scenes start faster without these.
     from cltrace.run.pack.meshes import MeshPacker
     from cltrace.run.pack.spheres import SpherePacker
+    from cltrace.run.pack.toolbox import is_exact
 
-    tools = before.tools if before else None
-    return SpherePacker.of(world, request, device, tools) or MeshPacker.of(world, request, device, tools)
+    if not is_exact(device):
+        return None
+    kind = SpherePacker if SpherePacker.serves(world, request) else MeshPacker
+    with driver_errors(device):
+        return kind(world, request, device, before.tools if before else None)
 
 
 def view_by(
@@ -58,4 +64,7 @@ def view_by(
     packer: one that fits the world, None for numpy; keep: whether what the lights see may be kept for other cameras.
     Raises ValueError as CameraView.of() does, and BuildError and DeviceError as Executor does.
     """
-    return packer.view(world, camera, keep) if packer else (CameraView.of(world, camera, request), {})
+    if packer is None:
+        return CameraView.of(world, camera, request), {}
+    with packer.lock, driver_errors(packer.device), Announcement("compiling the kernel ..."):
+        return packer.view(world, camera, keep)

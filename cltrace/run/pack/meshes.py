@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from cltrace.base.waiting import Announcement
 from cltrace.plan.accel.grids import CellGrid
 from cltrace.plan.accel.silhouettes import Polygons
 from cltrace.plan.lights import AtPoint, Lamp, Move, Parallel, are_at_points, kinds
@@ -24,10 +23,10 @@ from cltrace.plan.shapes.mesh import MeshesInView, MeshPacking, exact_sides, exa
 from cltrace.plan.shapes.shape import Arrays, InView, ShapePacking, Sights
 from cltrace.plan.view import CameraView, KeptLights, Methods
 from cltrace.plan.world import ScenePacking
-from cltrace.run.devices import Device, driver_errors
+from cltrace.run.devices import Device
 from cltrace.run.pack.lists import ListBuffers, ListWriter
 from cltrace.run.pack.polygons import PolygonSight
-from cltrace.run.pack.toolbox import Arguments, Toolbox, is_exact
+from cltrace.run.pack.toolbox import Arguments, Toolbox
 from cltrace.scene import AnyCamera
 
 # In place of what a ray from the eye has, for a light at a point.
@@ -37,27 +36,16 @@ AT_POINT = (-1.0, -1.0)
 class MeshPacker:
     """A world's triangles on a device, which helps with CameraViews of any camera.
 
-    request: the one that the world was made for; latest: `of` of the latest CameraView, see _SeenMeshes. Several
-    threads may use it: one after the other.
+    request: the one that the world was made for; latest: `of` of the latest CameraView, see _SeenMeshes.
+    Threads hold `lock` while they use it. Raises BuildError and DeviceError as Executor does.
     """
 
     def __init__(self, world: ScenePacking, request: Request, device: Device, before: Toolbox | None = None) -> None:
-        self.triangles, self.request, self._device = world.of_shape(MeshPacking).triangles, request, device
+        self.triangles, self.request, self.device = world.of_shape(MeshPacking).triangles, request, device
         self.tools = Toolbox(device, request.precision, before)
-        self.face, self._lock = self.tools.share(self.triangles.face), threading.Lock()
+        self.face, self.lock = self.tools.share(self.triangles.face), threading.Lock()
         self.kept: KeptLights | None = None
         self.latest: tuple[Any, ...] = ()
-
-    @classmethod
-    def of(
-        cls, world: ScenePacking, request: Request, device: Device, before: Toolbox | None = None
-    ) -> MeshPacker | None:
-        """None if the device does not compute as numpy does.
-
-        Raises BuildError and DeviceError as Executor does.
-        """
-        with driver_errors(device):
-            return cls(world, request, device, before) if is_exact(device) else None
 
     def fits(self, world: ScenePacking) -> bool:
         """Whether a world has the same triangles."""
@@ -65,13 +53,12 @@ class MeshPacker:
 
     def view(self, world: ScenePacking, camera: AnyCamera, keep: bool = True) -> tuple[CameraView, dict[str, Any]]:
         """See view_by(). What parallel lights see is kept from the second camera on: all surfaces get light then."""
-        with self._lock, driver_errors(self._device), Announcement("compiling the kernel ..."):
-            seen = _SeenMeshes(self, world, camera, keep)
-            view = CameraView.of(world, camera, seen.request, Methods(seen.in_view, seen.build, seen.known))
-            self.kept, self.latest = seen.to_keep(view), seen.of
-            # What lists are made of takes half as much as all that is kept.
-            self.tools.forget()
-            return view, seen.made
+        seen = _SeenMeshes(self, world, camera, keep)
+        view = CameraView.of(world, camera, seen.request, Methods(seen.in_view, seen.build, seen.known))
+        self.kept, self.latest = seen.to_keep(view), seen.of
+        # What lists are made of takes half as much as all that is kept.
+        self.tools.forget()
+        return view, seen.made
 
 
 class _SeenMeshes:

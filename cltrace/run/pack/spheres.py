@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.base.waiting import Announcement
 from cltrace.plan import abi
 from cltrace.plan.accel.grids import (
     NOBODY,
@@ -39,9 +38,9 @@ from cltrace.plan.rounding import Array, rotated
 from cltrace.plan.shapes.sphere import CameraSpace, SpherePacking
 from cltrace.plan.view import CameraView, KeptLights, exponent_of
 from cltrace.plan.world import ScenePacking
-from cltrace.run.devices import Device, driver_errors
+from cltrace.run.devices import Device
 from cltrace.run.pack.lists import ListBuffers, ListWriter
-from cltrace.run.pack.toolbox import PACKET, Arguments, Toolbox, is_exact
+from cltrace.run.pack.toolbox import PACKET, Arguments, Toolbox
 from cltrace.scene import AnyCamera
 
 # Pixels smaller than this, at z = -1, are too small for slopes in float32 to be divided by them; the same of parallel
@@ -61,7 +60,7 @@ class SpherePacker:
     """A world's spheres on a device, for CameraViews of any camera.
 
     spheres: of a world; request: the one that it was made for; lamps: of the latest CameraView, in double at any rate.
-    Several threads may use it: one after the other.
+    Threads hold `lock` while they use it. Raises BuildError and DeviceError as Executor does.
     """
 
     def __init__(self, world: ScenePacking, request: Request, device: Device, before: Toolbox | None = None) -> None:
@@ -72,26 +71,18 @@ class SpherePacker:
         self.again = self.tools.share(spheres.again) if self.some_again else self.tools.room(1, np.bool_)
         self.largest = float(spheres.radius.max())
         self.lamps: KeptLights | None = None
-        self._device, self._lock = device, threading.Lock()
+        self.device, self.lock = device, threading.Lock()
 
-    @classmethod
-    def of(
-        cls, world: ScenePacking, request: Request, device: Device, before: Toolbox | None = None
-    ) -> SpherePacker | None:
-        """None unless there are only spheres, and more than a few, on a device that computes as numpy does.
-
-        Raises BuildError and DeviceError as Executor does.
-        """
+    @staticmethod
+    def serves(world: ScenePacking, request: Request) -> bool:
+        """Whether there are only spheres, and more than a few."""
         spheres = world.of_shape(SpherePacking)
-        served = (
+        return (
             ONE_LIST < len(spheres.row) == len(world.id)
             and not spheres.maps
             and not world.clipping
             and OTHERS.isdisjoint(request.keep)
-            and is_exact(device)
         )
-        with driver_errors(device):
-            return cls(world, request, device, before) if served else None
 
     def fits(self, world: ScenePacking) -> bool:
         """Whether a world has the same spheres in the same places; their materials may be others."""
@@ -99,9 +90,7 @@ class SpherePacker:
 
     def view(self, world: ScenePacking, camera: AnyCamera, keep: bool = True) -> tuple[CameraView, dict[str, Any]]:
         """See view_by()."""
-        with self._lock, driver_errors(self._device), Announcement("compiling the kernel ..."):
-            found = _SeenSpheres(self, world, camera, keep).view()
-        return found or (CameraView.of(world, camera, self.request), {})
+        return _SeenSpheres(self, world, camera, keep).view() or (CameraView.of(world, camera, self.request), {})
 
 
 class _SeenSpheres:
