@@ -32,10 +32,6 @@ log = logging.getLogger("cltrace")
 CACHES = ("pocl", "pyopencl", "pytools")
 # What ends the process, or its import of pyopencl, where it is set and empty, as a shell's `NAME= command` has it.
 NOT_EMPTY = ("POCL_CACHE_DIR", "PYOPENCL_NO_CACHE", "PYOPENCL_COMPILER_OUTPUT")
-# Which of these pyopencl reads as yes or no, and the words that it knows for that, also in capitals. At any other word
-# its import ends in a traceback.
-YES_OR_NO = NOT_EMPTY[1:]
-WORDS = {"y", "yes", "t", "true", "on", "1", "n", "no", "f", "false", "off", "0"}
 # Bytes that must be free there: the files of the largest kernel take 2.3 MB while it is compiled.
 ROOM = 2**22
 # A folder in memory, which Linux has.
@@ -52,15 +48,11 @@ def ensure() -> None:
     """Points XDG_CACHE_HOME to a temporary folder of this user if the usual cache folder cannot be used.
 
     Where there is no such folder either, pyopencl is told to do without a cache. A POCL_CACHE_DIR that cannot be used
-    and a variable of NOT_EMPTY that is empty are taken for not set, and a word that pyopencl does not know for yes.
-    Raises nothing.
+    and a variable of NOT_EMPTY that is empty are taken for not set. Raises nothing.
     """
     for name in NOT_EMPTY:
         if os.environ.get(name) == "":
             del os.environ[name]
-    for name in YES_OR_NO:
-        if os.environ.get(name, "1").lower() not in WORDS:
-            os.environ[name] = "1"
     if "POCL_CACHE_DIR" in os.environ and not _usable(Path(os.environ["POCL_CACHE_DIR"]), ("",)):
         del os.environ["POCL_CACHE_DIR"]
     chosen = os.environ.get("XDG_CACHE_HOME")

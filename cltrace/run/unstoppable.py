@@ -17,10 +17,10 @@ from cltrace.plan.plan import Plan
 from cltrace.run.devices import Device
 from cltrace.run.program import UNSTOPPABLE, Kernel, parameters_of, program, source
 
-# It takes as long as it saves in six pixels for each entry of the lists: 15 to 30 ms of a processor's time for 100,000
-# triangles, of which each frame then takes 10 to 14 less (PoCL 3.1, 1920x1080). Nobody knows how many frames there
-# will be, so it is done after half of that.
-PAYS = 3
+# It takes as long as it saves in about eight pixels for each triangle and each list that it is in, of the tiles and of
+# the lights: 15 to 30 ms of a processor's time for 100,000 triangles, of which each frame then takes 10 to 14 less
+# (PoCL 3.1, 1920x1080). Nobody knows how many frames there will be, so it is done after half of that.
+PAYS = 4
 # Work-items. Each one goes through neighbouring cells.
 ITEMS = 256
 
@@ -45,16 +45,16 @@ class Unstoppable:
     """What is known of the triangles that a plan shows, of its lights at points, on one device.
 
     before: that of a plan of the same scene, which another camera sees; what either finds out, both know.
-    lights: how many of the plan's lights it is known of: none, or all. Several threads may use it.
+    lights: how many of the plan's lights it is known of: none, or all; lists: about how many entries the lists of
+    triangles have. Several threads may use it.
     """
 
     def __init__(self, plan: Plan, device: Device, before: Unstoppable | None = None) -> None:
         self._plan, self._device = plan, device
         self._findings: _Findings = before._findings if before else _Findings()
-        self.lights = 0
-        self._entries: int | None = None
-        listed = len(self._lights_at_points()) > 0 and len(plan.arrays["grid"]) > 1
-        self._may_pay = listed and device.kind == "cpu"
+        self.lights, at_points = 0, len(self._lights_at_points())
+        self._may_pay = at_points > 0 and len(plan.arrays["grid"]) > 1 and device.kind == "cpu"
+        self.lists = plan.values["triangles"] * (1 + at_points)
 
     def drawn(self, pixels: int) -> None:
         """Counts pixels that have been drawn."""
@@ -68,7 +68,7 @@ class Unstoppable:
         """
         findings = self._findings
         with findings.lock:
-            if self._may_pay and self._pays(queue, buffers["start"]):
+            if self._may_pay and findings.pixels >= PAYS * self.lists:
                 self._may_pay, findings.pixels = False, 0
                 try:
                     with Announcement("compiling the kernel ..."):
@@ -82,20 +82,6 @@ class Unstoppable:
         """The indices of these lights of the plan."""
         lights = self._plan.arrays["light"][: self._plan.values["lights"]]
         return np.flatnonzero(are_at_points(lights["color"][:, 3])).tolist()
-
-    def _pays(self, queue: Any, start: Any) -> bool:
-        if self._entries is None:
-            self._entries = self._counted(queue, start)
-        return self._findings.pixels >= PAYS * self._entries
-
-    def _counted(self, queue: Any, start: Any) -> int:
-        """How many entries the lists have: where that of the last cell ends."""
-        columns, rows, first, mask = self._plan.arrays["grid"][-1]["cells"].tolist()
-        levels = [k for k in range(mask.bit_length()) if mask >> k & 1]
-        cells = first + sum((((columns - 1) >> k) + 1) * (((rows - 1) >> k) + 1) for k in levels)
-        end = np.empty(1, np.int32)
-        cl.enqueue_copy(queue, end, start, src_offset=end.itemsize * cells)
-        return int(end[0])
 
     def _find(self, queue: Any, buffers: dict[str, Any]) -> None:
         """Asks about the triangles that this plan shows, but for those that are known already."""

@@ -11,7 +11,6 @@ import pytest
 from solids import Solid, ball, box, joined, lattice, mesh, needles, octahedron, sheet
 
 from cltrace import BuildError, Camera, Image, Material, Renderer, Scene, parallel_light, point_light, spot_light
-from cltrace.plan.abi import CONSTANTS
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Request
 from cltrace.run import unstoppable
@@ -150,9 +149,7 @@ def test_it_is_found_out_once_it_pays(device: Device) -> None:
     renderer = Renderer(of(floor(2, 4), ball(1)), device, "accurate", OUTPUTS)
     part, frame = renderer.rows(20, 40), renderer.render()
     assert not known(renderer).any()
-    entries = renderer._executor.unstoppable._entries
-    assert entries == len(Plan.of_scene(renderer.scene, renderer.request).arrays["entry"]) - CONSTANTS["AHEAD"]
-    for _ in range(int(unstoppable.PAYS * entries / frame.id.size) + 1):
+    for _ in range(int(unstoppable.PAYS * renderer._executor.unstoppable.lists / frame.id.size) + 1):
         renderer.render(frame)
     assert known(renderer).any()
     assert np.array_equal(known(part), known(renderer))
