@@ -98,6 +98,17 @@ def test_two_views_of_a_busy_kernel(page: Any, spec: str) -> None:
     assert [event["kind"] for event in page.evaluate("said.slice(3)")] == ["fov", "fit"]
 
 
+def test_a_fault_of_the_file_stands_over_the_picture(page: Any, spec: str) -> None:
+    """Until the file is right again."""
+    two_views(page, Session(Stage(cltrace.load(FILE), choose(spec))).draw())
+    fault = (
+        "() => roots.map((root) => root.querySelector('#fault')).map((it) => it.checkVisibility() && it.textContent)"
+    )
+    for text in ("s.xml:7: sphere: radius must be > 0, got -1", ""):
+        page.evaluate("(text) => show({ kind: 'fault', text })", text)
+        assert page.evaluate(fault) == [text or False] * 2
+
+
 def test_the_page_around_a_view_stays_as_it_is(page: Any, spec: str) -> None:
     """Its elements look as before, and keys and the wheel are the view's only where it has the focus. The view is dark
     where the page's letters are light."""
