@@ -42,9 +42,9 @@ MAX_BOXES = 2**24  # side by side, of Scene.replicate()
 
 SCENE_BYTES = TEXTURE_BYTES = 2**30
 MESH_BYTES = 2**32
-MAX_DEPTH = 256  # of elements in each other
-MAX_TAG = 2**22  # bytes of a tag or comment, which is parsed anew with each 2^17 of them
+# libxml2 has limits of its own: elements are at most 256 deep in each other, and texts have at most 10 MB.
 MAX_NAMES = 10_000  # of unknown elements and attributes, which the parser keeps
+MAX_NAMESPACES = 100  # that a file declares: the parser compares the prefix of each element with all of them
 MAX_STEPS = 100_000  # of a transform
 MAX_FAULTS = 100_000  # of a mesh's file, after which no more of it is read
 MAX_UNREADABLE = 1000  # files, after which no more are looked for

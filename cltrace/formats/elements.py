@@ -6,26 +6,31 @@ refused.
 
 from __future__ import annotations
 
-import codecs
 import os
-import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from functools import partial
-from itertools import chain
 from pathlib import Path
-from typing import NoReturn
-from xml.parsers import expat
+from typing import Any
 
-from cltrace.base.limits import MAX_DEPTH, MAX_NAMES, MAX_STEPS, MAX_TAG, hint
+from lxml import etree
+
+from cltrace.base.limits import MAX_NAMES, MAX_NAMESPACES, MAX_STEPS, hint
 from cltrace.formats.faults import MAX_MESSAGES, FatalError, Messages, closest, short
 from cltrace.formats.files import SceneFiles, UnreadableError, chunks, hint_beside
 from cltrace.formats.schema import ELEMENTS, MEANT, Element, rotations
 
 CHUNK = 2**17  # bytes that are parsed at once
-# What names the file of a document type. In front of such a name, expat would leave out undeclared entities in silence.
-_EXTERNAL = re.compile(rb"""(<!DOCTYPE\s+[^\s>\[]+)(\s+(?:SYSTEM|PUBLIC)(?:\s+(?:"[^"]*"|'[^']*'))+)""")
+LAST_LINE = 65_535  # libxml2 keeps the line of an element in 16 bits; this one means "here or later"
+PARSER_OPTIONS: Mapping[str, Any] = {
+    "resolve_entities": False,
+    "no_network": True,
+    "load_dtd": False,
+    "huge_tree": False,
+    "remove_comments": True,
+    "remove_pis": True,
+}
 
 
 class ElementReader(ABC):
@@ -39,7 +44,8 @@ class ElementReader(ABC):
         self.faults, self.warnings = Messages(), Messages()
         self.root: Element | None = None
         self._open: list[Element] = []  # the root, and so on to the innermost one
-        self._unknown: set[str] = set()  # names, which expat keeps
+        self._unknown: set[str] = set()  # names, which the parser keeps
+        self._namespaces = 0
 
     @abstractmethod
     def take(self, element: Element, parent: Element) -> None:
@@ -47,51 +53,66 @@ class ElementReader(ABC):
 
     def parse(self) -> None:
         """Reads the file; `faults` and `warnings` are told what is wrong with it."""
-        fed = 0
+        parser: Any = etree.XMLPullParser(("start", "end", "start-ns"), **PARSER_OPTIONS)
+        line = 0
         try:
-            pieces = _chunks(self.path)
-            first = next(pieces, b"")
-            if not first:
-                raise FatalError(0, "is empty")
-            encoding = _wide(first)
-            self._parser = parser = expat.ParserCreate("utf-8" if encoding else None)
-            parser.StartElementHandler, parser.EndElementHandler = self._start, self._end
-            parser.EntityDeclHandler = partial(self._refuse, "the document type must not declare entities")
-            parser.StartDoctypeDeclHandler = self._start_document_type
-            for piece in _utf8(chain([first], pieces), encoding):
-                parser.Parse(piece if fed else _EXTERNAL.sub(_without_file, piece), False)
-                fed += len(piece)
-                if fed - parser.CurrentByteIndex > MAX_TAG:
-                    self._refuse(f"must not have a tag or comment of more than {MAX_TAG} bytes")
-            parser.Parse(b"", True)
+            for chunk in self._chunks():
+                line_known = line + chunk.count(b"\n") < LAST_LINE
+                with suppress(etree.XMLSyntaxError):  # the parser's log has it
+                    for piece in [chunk] if line_known else chunk.splitlines(keepends=True):
+                        line += piece.count(b"\n")
+                        parser.feed(piece)
+                        self._take_events(parser, line)
+                    if not chunk:
+                        parser.close()
+                self._take_events(parser, line)
+                # Warnings count, too: an undeclared entity in an attribute is left out of it where there is a DTD.
+                for error in parser.feed_error_log:
+                    raise FatalError(error.line, f"not well-formed XML: {' '.join(error.message.split())}")
         except FatalError as fatal:
             self.faults.add(*fatal.args)
-        except expat.ExpatError as error:
-            words = expat.errors.messages[error.code]
-            inside = (
-                f": <{short(self._open[-1].tag)}> of line {self._open[-1].line} is not closed" if self._open else ""
-            )
-            self.faults.add(error.lineno, f"not well-formed XML: {words}{inside}")
-        except UnicodeDecodeError as error:
-            self.faults.add(self._parser.CurrentLineNumber, f"not well-formed XML: is not {error.encoding}")
-        except (LookupError, ValueError) as error:  # of an encoding that is declared
-            self.faults.add(self._parser.CurrentLineNumber, f"not well-formed XML: {error}")
 
-    def _refuse(self, words: str, *_: object) -> NoReturn:
-        raise FatalError(self._parser.CurrentLineNumber, words)
+    def _chunks(self) -> Iterator[bytes]:
+        """The file in chunks, and b"" as its end."""
+        empty = True
+        try:
+            for chunk in chunks(self.path, CHUNK, "scene-bytes"):
+                empty = False
+                yield chunk
+        except UnreadableError as error:
+            there = os.path.exists(self.path)  # noqa: PTH110  # Path's raises an error for names that are too long
+            raise FatalError(0, f"{error}{'' if there else hint_beside(Path(), self.path)}") from None
+        if empty:
+            raise FatalError(0, "is empty")
+        yield b""
 
-    def _start_document_type(self, _name: str, file: str | None, *_: object) -> None:
-        if file is not None:
-            self._refuse(f"the document type must stand within the first {CHUNK} bytes")
+    def _take_events(self, parser: Any, line: int) -> None:
+        """Takes what the parser has found. line: where the last start tag ends, if libxml2 does not know that."""
+        for event, node in parser.read_events():
+            if event == "start":
+                known = node.sourceline
+                self._start(node, known if known < LAST_LINE else line)
+            elif event == "end":
+                self._end()
+                node.clear(keep_tail=True)
+                if node.getprevious() is not None:
+                    del node.getparent()[0]
+            else:
+                self._namespaces += 1
+                if self._namespaces > MAX_NAMESPACES:
+                    raise FatalError(line, f"must not declare more than {MAX_NAMESPACES} namespaces")
 
-    def _start(self, tag: str, given: Mapping[str, str]) -> None:
+    def _start(self, node: Any, line: int) -> None:
+        tag, given = node.tag, node.attrib
         parent = self._open[-1] if self._open else None
-        element = Element(tag, self._parser.CurrentLineNumber, parent)
-        if parent is None and tag != "scene":
-            raise FatalError(element.line, f"the root element must be <scene>, got <{short(tag)}>")
+        element = Element(tag, line, parent)
+        if parent is None:
+            types = node.getroottree().docinfo.internalDTD
+            for entity in types.iterentities() if types is not None else ():
+                raise FatalError(0, f"the document type must not declare entities, got '{short(entity.name)}'")
+            if tag != "scene":
+                raise FatalError(line, f"the root element must be <scene>, got <{short(tag)}>")
         self._open.append(element)
-        if len(self._open) > MAX_DEPTH:
-            self._refuse(f"must not be more than {MAX_DEPTH} elements deep")
         self.root = self.root or element
         if parent is None or (parent.kind and self._claim(parent, element, given)):
             element.kind = ELEMENTS[tag]
@@ -99,7 +120,7 @@ class ElementReader(ABC):
         else:
             self._unknown.update((tag, *given))
         if len(self._unknown) > MAX_NAMES:
-            self._refuse(f"must not have more than {MAX_NAMES} unknown names")
+            raise FatalError(line, f"must not have more than {MAX_NAMES} unknown names")
 
     def _claim(self, parent: Element, child: Element, given: Mapping[str, str]) -> bool:
         """Whether the child is to be read; if not, it has been complained about."""
@@ -138,7 +159,7 @@ class ElementReader(ABC):
             except ValueError as error:
                 self.fault(element, f"{name} {error}")
 
-    def _end(self, _: str) -> None:
+    def _end(self) -> None:
         element = self._open.pop()
         if not element.kind:
             return
@@ -160,7 +181,9 @@ class ElementReader(ABC):
             elif parent.tag == "transform" and element.whole:
                 parent.steps.append(element)
                 if len(parent.steps) > MAX_STEPS:
-                    self._refuse(f"transform: must not have more than {MAX_STEPS} steps{hint('steps')}")
+                    raise FatalError(
+                        element.line, f"transform: must not have more than {MAX_STEPS} steps{hint('steps')}"
+                    )
             self.take(element, parent)
 
     def fault(self, element: Element, words: str, meant: Callable[[], str] = lambda: "") -> None:
@@ -188,28 +211,3 @@ def _meant_by_child(element: Element, slot: str) -> str:
     stray = next(filter(None, (closest(name, tuple(element.strays)) for name in slot.split("|"))), None)
     known = (MEANT[element.tag, name] for name in element.strays if (element.tag, name) in MEANT)
     return next(known, f"; did you mean <{short(stray)}> on line {element.strays[stray]}?" if stray else "")
-
-
-def _chunks(path: str) -> Iterator[bytes]:
-    try:
-        yield from chunks(path, CHUNK, "scene-bytes")
-    except UnreadableError as error:
-        there = os.path.exists(path)  # noqa: PTH110  # Path's raises an error for names that are too long
-        raise FatalError(0, f"{error}{'' if there else hint_beside(Path(), path)}") from None
-
-
-def _wide(first: bytes) -> str | None:
-    """The encoding of a file whose characters have two or four bytes, which its first character tells."""
-    for encoding in ("utf-32-le", "utf-32-be", "utf-16-le", "utf-16-be"):
-        if first.startswith(("\ufeff".encode(encoding), "<".encode(encoding))):
-            return encoding
-    return None
-
-
-def _utf8(pieces: Iterator[bytes], wide: str | None) -> Iterator[bytes]:
-    return (text.encode() for text in codecs.iterdecode(pieces, wide)) if wide else pieces
-
-
-def _without_file(document_type: re.Match[bytes]) -> bytes:
-    """With blanks and line breaks in place of the name of its file."""
-    return document_type[1] + re.sub(rb"[^\n\r]", b" ", document_type[2])
