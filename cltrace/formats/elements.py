@@ -22,6 +22,7 @@ from cltrace.formats.files import SceneFiles, UnreadableError, chunks, hint_besi
 from cltrace.formats.schema import ELEMENTS, MEANT, Element, rotations
 
 CHUNK = 2**17  # bytes that are parsed at once
+SPHERE_END = b"</sphere>"
 LAST_LINE = 65_535  # libxml2 keeps the line of an element in 16 bits; this one means "here or later"
 PARSER_OPTIONS: Mapping[str, Any] = {
     "resolve_entities": False,
@@ -51,29 +52,45 @@ class ElementReader(ABC):
     def take(self, element: Element, parent: Element) -> None:
         """Takes a complete element, whose parent has it already unless that may have many of them."""
 
+    @abstractmethod
+    def take_usual(self, text: bytes, begin: int, line: int) -> int:
+        """Takes the surfaces from there on that need no parser, and returns where they end; line: where they begin."""
+
     def parse(self) -> None:
-        """Reads the file; `faults` and `warnings` are told what is wrong with it."""
-        parser: Any = etree.XMLPullParser(("start", "end", "start-ns"), **PARSER_OPTIONS)
-        line = 0
+        """Reads the file; `faults` and `warnings` are told what is wrong with it.
+
+        What is behind the end of a sphere is in no comment, and directly within the surfaces. So spheres that follow
+        it and are written as usual need no parser, which gets their line breaks instead.
+        """
+        self._parser: Any = etree.XMLPullParser(("start", "end", "start-ns"), **PARSER_OPTIONS)
+        line = 1
         try:
             for chunk in self._chunks():
-                line_known = line + chunk.count(b"\n") < LAST_LINE
-                with suppress(etree.XMLSyntaxError):  # the parser's log has it
-                    for piece in [chunk] if line_known else chunk.splitlines(keepends=True):
+                begin = 0
+                while begin < len(chunk):
+                    found = chunk.find(SPHERE_END, begin)
+                    end = found if found >= 0 else len(chunk)
+                    known = line + chunk.count(b"\n", begin, end) < LAST_LINE
+                    for piece in [chunk[begin:end]] if known else chunk[begin:end].splitlines(keepends=True):
+                        self._feed(piece, line)
                         line += piece.count(b"\n")
-                        parser.feed(piece)
-                        self._take_events(parser, line)
-                    if not chunk:
-                        parser.close()
-                self._take_events(parser, line)
-                # Warnings count, too: an undeclared entity in an attribute is left out of it where there is a DTD.
-                for error in parser.feed_error_log:
-                    raise FatalError(error.line, f"not well-formed XML: {' '.join(error.message.split())}")
+                    begin = end
+                    if found >= 0:
+                        begin += len(SPHERE_END)
+                        ended = self._feed(SPHERE_END, line)
+                        if ended == "sphere" and self._open[-1].kind is ELEMENTS["surfaces"]:
+                            end = self.take_usual(chunk, begin, line)
+                            breaks = chunk.count(b"\n", begin, end)
+                            self._feed(b"\n" * breaks, line)
+                            begin, line = end, line + breaks
+            with suppress(etree.XMLSyntaxError):
+                self._parser.close()
+            self._take_events(line)
         except FatalError as fatal:
             self.faults.add(*fatal.args)
 
     def _chunks(self) -> Iterator[bytes]:
-        """The file in chunks, and b"" as its end."""
+        """The file in chunks."""
         empty = True
         try:
             for chunk in chunks(self.path, CHUNK, "scene-bytes"):
@@ -84,23 +101,36 @@ class ElementReader(ABC):
             raise FatalError(0, f"{error}{'' if there else hint_beside(Path(), self.path)}") from None
         if empty:
             raise FatalError(0, "is empty")
-        yield b""
 
-    def _take_events(self, parser: Any, line: int) -> None:
-        """Takes what the parser has found. line: where the last start tag ends, if libxml2 does not know that."""
-        for event, node in parser.read_events():
+    def _feed(self, piece: bytes, line: int) -> str:
+        """Parses a piece, and returns the element that ended last in it, "" if none did.
+
+        line: of the end of the start tags in it, if libxml2 does not know that.
+        """
+        with suppress(etree.XMLSyntaxError):  # the log has it
+            self._parser.feed(piece)
+        return self._take_events(line)
+
+    def _take_events(self, line: int) -> str:
+        ended = ""
+        for event, node in self._parser.read_events():
             if event == "start":
                 known = node.sourceline
                 self._start(node, known if known < LAST_LINE else line)
             elif event == "end":
-                self._end()
-                node.clear(keep_tail=True)
-                if node.getprevious() is not None:
-                    del node.getparent()[0]
+                ended = node.tag
+                if self._end():
+                    node.clear(keep_tail=True)
+                    if node.getprevious() is not None:
+                        del node.getparent()[0]
             else:
                 self._namespaces += 1
                 if self._namespaces > MAX_NAMESPACES:
                     raise FatalError(line, f"must not declare more than {MAX_NAMESPACES} namespaces")
+        # Warnings count, too: an undeclared entity in an attribute is left out of it where there is a DTD.
+        for error in self._parser.feed_error_log:
+            raise FatalError(error.line, f"not well-formed XML: {' '.join(error.message.split())}")
+        return ended
 
     def _start(self, node: Any, line: int) -> None:
         tag, given = node.tag, node.attrib
@@ -151,26 +181,30 @@ class ElementReader(ABC):
             self._warn_unknown(element, element.line, "attribute '{}'", name, known)
         self._unknown.update(strays)
         for name, read in kinds.items():
-            if name not in given:
+            text = given.get(name)
+            if text is None:
                 self.fault(element, f"attribute {name} is missing", partial(_meant, element, name, strays))
                 continue
             try:
-                element.values[name] = read(given[name])
+                element.values[name] = read(text)
             except ValueError as error:
                 self.fault(element, f"{name} {error}")
 
-    def _end(self) -> None:
+    def _end(self) -> bool:
+        """Ends the innermost element, and tells whether there may be any number of such ones, so that it must go."""
         element = self._open.pop()
-        if not element.kind:
-            return
-        for slot in element.kind.children:
+        kind = element.kind
+        if not kind:
+            return True
+        for slot in kind.children:
             if slot not in element.filled:
                 missing = " or ".join(f"<{name}>" for name in slot.split("|"))
                 self.fault(element, f"{missing} is missing", partial(_meant_by_child, element, slot))
-        with suppress(KeyError):
-            if words := element.kind.check(element):
-                self.fault(element, words)
-        if element.whole and (words := element.kind.doubt(element)):
+        if kind.check:
+            with suppress(KeyError):
+                if words := kind.check(element):
+                    self.fault(element, words)
+        if kind.doubt and element.whole and (words := kind.doubt(element)):
             self.warnings.add(element.line, f"{element.label}: {words}")
         if self._open:
             parent = self._open[-1]
@@ -185,6 +219,8 @@ class ElementReader(ABC):
                         element.line, f"transform: must not have more than {MAX_STEPS} steps{hint('steps')}"
                     )
             self.take(element, parent)
+            return element.tag in parent.kind.many
+        return False
 
     def fault(self, element: Element, words: str, meant: Callable[[], str] = lambda: "") -> None:
         """Tells of a fault of an element, which is then not whole."""

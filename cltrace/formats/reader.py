@@ -78,6 +78,18 @@ class _SceneReader(ElementReader):
             most = f"lights: must be at most {MAX_LIGHTS}, with all members of soft ones, got {self._members}"
             raise FatalError(element.line, f"{most}{hint('lights')}")
 
+    def take_usual(self, text: bytes, begin: int, line: int) -> int:
+        spheres = self._shapes["sphere"]
+        assert isinstance(spheres, SphereReader)
+        end, lines, finishes = spheres.read_usual(text, begin, line)
+        first = len(self._surface_lines)
+        spheres.finishes.extend(range(len(self._finishes) // 11, len(self._finishes) // 11 + len(lines)))
+        spheres.numbers.extend(range(first, first + len(lines)))
+        spheres.lines.extend(lines)
+        self._surface_lines.extend(lines)
+        self._finishes.frombytes(finishes.tobytes())
+        return end
+
     def _take_surface(self, element: Element) -> None:
         shape, number = self._shapes[element.tag], len(self._surface_lines)
         self._surface_lines.append(element.line)

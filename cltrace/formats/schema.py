@@ -37,9 +37,8 @@ from cltrace.scene import (
     sun_light,
 )
 
-_FLOAT = re.compile(
-    r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?|[-+]?(?:nan|inf|infinity)", re.IGNORECASE
-)
+FINITE = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_FLOAT = re.compile(rf"{FINITE}|[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _XML_SPACE = " \t\r\n"
 
@@ -51,6 +50,8 @@ def number(rule: Rule, text: str) -> float:
     if not _FLOAT.fullmatch(written):
         raise ValueError(f"must be a number, got {quoted(text)}")
     value = float(written)
+    if value and rule.admits(value):
+        return value
     if value == 0 and not is_plain_zero(written):
         value = math.ulp(0.0)  # what is written is not 0 but vanishes: as small as can be, for the rule to refuse
     fault = rule.fault(value)
@@ -121,8 +122,8 @@ class ElementKind:
     children: tuple[str, ...] = ()
     optional: tuple[str, ...] = ()
     many: tuple[str, ...] = ()
-    check: Callable[[Element], str | None] = lambda _: None
-    doubt: Callable[[Element], str | None] = lambda _: None
+    check: Callable[[Element], str | None] | None = None
+    doubt: Callable[[Element], str | None] | None = None
 
     @functools.cached_property
     def slots(self) -> dict[str, str]:

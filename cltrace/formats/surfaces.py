@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from abc import ABC, abstractmethod
 from array import array
 from collections.abc import Iterator, Sequence
@@ -14,11 +15,12 @@ from numpy.typing import NDArray
 from cltrace.base.errors import located
 from cltrace.base.limits import MAX_CYLINDERS, MAX_MESHES, MAX_SPHERES, MAX_TRIANGLES, MAX_VERTICES, hint
 from cltrace.formats.elements import ElementReader
-from cltrace.formats.schema import Element
+from cltrace.formats.schema import ELEMENTS, FINITE, Element
 from cltrace.scene import (
     ANY,
     CYLINDER,
     MATERIAL,
+    NOT_NEGATIVE,
     POSITIVE,
     SPHERE,
     Camera,
@@ -87,6 +89,18 @@ class ShapeReader(ABC):
                 return
 
 
+def _layout(tag: str) -> str:
+    """The pattern of an element as the format's listing has it, without a transform; a group for each number."""
+    kind, space = ELEMENTS[tag], r"[ \t\r\n]"
+    start = tag + "".join(rf'{space}+{name}="({FINITE})"' for name in kind.attributes)
+    children = "".join(_layout(slot.split("|")[0]) for slot in kind.children)
+    return rf"{space}*<{start}[ \t]*" + (rf">{children}{space}*</{tag}>" if children else "/>")
+
+
+_USUAL = re.compile(_layout("sphere").encode())
+_COLUMNS = _USUAL.groups
+
+
 class SphereReader(ShapeReader):
     """Spheres and ellipsoids."""
 
@@ -116,6 +130,31 @@ class SphereReader(ShapeReader):
         self.doubt_size(element, radius)
         self._rows.extend((*center, radius, len(self._bent) - 1 if maps else -1))
         return True
+
+    def read_usual(self, text: bytes, begin: int, line: int) -> tuple[int, list[int], Numbers]:
+        """Reads the spheres from there on that are written as usual, are free of faults and give no warnings.
+
+        Returns where they end, their lines, and their finishes, (n, 11). line: that of `begin`.
+        """
+        ends, lines, written = [begin], list[int](), list[bytes]()
+        while len(lines) < self.most - self.count and (match := _USUAL.match(text, ends[-1])):
+            lines.append(line + text.count(b"\n", ends[-1], match.start(1)))
+            line += text.count(b"\n", *match.span())
+            ends.append(match.end())
+            written += match.groups()
+        values = np.array(list(map(float, written))).reshape(-1, _COLUMNS)
+        zero_or_more, any_number = NOT_NEGATIVE.admits(values), ANY.admits(values)
+        # A number that reads as 0 but is not written so may have underflowed.
+        plain = [value != 0 or not number.strip(b"+-0.") for value, number in zip(values.flat, written, strict=True)]
+        radius, color, shares = values[:, 0], values[:, 4:7], values[:, 11:13].sum(axis=1)
+        usual = any_number.all(axis=1) & zero_or_more[:, 4:13].all(axis=1) & (color < 16).all(axis=1) & (shares <= 1)
+        usual &= np.reshape(plain, values.shape).all(axis=1) & (radius >= 1 / MAX_SIZE) & (radius <= MAX_SIZE)
+        usual &= (values[:, 12] == 0) | (values[:, 13] > 0)
+        n = len(usual) if usual.all() else int(np.argmin(usual))
+        self.count += n
+        values = values[:n]
+        self._rows.frombytes(np.column_stack([values[:, 1:4], radius[:n], np.full(n, -1.0)]).tobytes())
+        return ends[n], lines[:n], np.column_stack([values[:, 4:], np.full(n, -1.0)])
 
     def _ellipsoids(self) -> tuple[Numbers, Numbers, Numbers]:
         """Their rows, (n, 5), and their maps to the world and back, (n, 3, 3)."""

@@ -68,6 +68,8 @@ BODY = SCENE.split("\n", 2)[2]
 BALL = SCENE[SCENE.index("    <sphere") : SCENE.index("  </surfaces>")]
 MATERIAL_TEXT = BALL[BALL.index("      <material") : BALL.index("    </sphere>")]
 COLOR = '<color r="0.5" g="0.25" b="1"/>'
+LINES = "\n" * 65_000
+ODD = BALL.replace("</material_solid>", "</material_solid >")  # which is not written as usual
 SOFT_LIGHTS = f"""<sky_light>{COLOR}</sky_light>
 <sky_light>{COLOR}<up x="0" y="2" z="0"/><below r="0" g="0" b="0.5"/><directions n="9"/></sky_light>
 <sun_light angle="7">{COLOR}<direction x="1" y="-2" z="0"/><directions n="8"/></sun_light>
@@ -183,6 +185,49 @@ def test_encodings() -> None:
     for encoding in ("UTF-8", "ISO-8859-1", "UTF-16", "windows-1252"):
         declared = name.replace(' standalone="no"', f' encoding="{encoding}"')
         assert scene_of(declared.encode(encoding)).output_file == "Bäume.png"
+
+
+def test_spheres_written_as_usual_are_read_as_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those that need no parser, among others and in comments, over all the lines that libxml2 knows and beyond."""
+    number = iter(range(1, 10**6))
+    balls = [re.sub('radius="[^"]*"', lambda _: f'radius="{next(number)}e-3"', BALL * 300) for _ in range(2)]
+    usual = f"{balls[0]}<!--{BALL}{LINES}-->{BALL.replace('</phong', '<!-- --></phong')}<!--\n{BALL}-->{BALL}{balls[1]}"
+    usual += BALL.replace("radius=", "radius=\n") + BALL.replace('radius="1.5"', 'radius="1.5"\n') + ROD + BALL
+    others = usual.replace("</material_solid>", "</material_solid >")
+    monkeypatch.setattr(elements, "CHUNK", 10**5)
+    one, other = (scene_of(changed(BALL, text)) for text in (usual, others))
+    assert same(one, other)
+    assert len(one.spheres) == 605
+    assert one.source
+    assert other.source
+    assert one.source.surfaces.tolist() == other.source.surfaces.tolist()
+    assert one.source.surfaces[-1] > 65_536
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('radius="1.5"', 'radius="-1"'),
+        ('radius="1.5"', 'radius="1e-999"'),
+        ('ka="0', 'ka="-0'),
+        ('<refraction iof="0"/>', '<refraction iof="1e39"/>'),
+        ('<transmittance t="0.0"/>', '<transmittance t="0.5"/>'),
+        (COLOR, '<color r="255" g="0" b="0"/>'),
+        ('<reflectance r="', '<reflectance r="1'),
+        ('radius="1.5"', 'radius="1e30"'),
+    ],
+)
+def test_faults_and_doubts_of_spheres_written_as_usual(old: str, new: str) -> None:
+    assert old in BALL
+    texts = (changed(BALL, BALL * 3 + wrong + BALL) for wrong in (BALL.replace(old, new), changed(old, new, ODD)))
+    told = []
+    for text in texts:
+        try:
+            told.append(warnings_of(text))
+        except SceneError as error:
+            told.append([str(error)])
+    assert told[0] == told[1]
+    assert told[0]
 
 
 def test_lights_and_surfaces_may_be_none() -> None:
@@ -494,7 +539,7 @@ WARNINGS: list[tuple[str, str, str | None]] = [
     ("<camera>", '<camera><dof on="1"><position/></dof>', f"5: camera: {UNKNOWN.format('dof')}"),
     ("</scene>", "<supersampling/></scene>", f"36: scene: {UNKNOWN.format('supersampling')}"),
     ("<lights>", "<lights><spot/>", f"13: lights: {UNKNOWN.format('spot')}; did you mean <spot_light>?"),
-    ("</surfaces>", "<x xmlns='e'/></surfaces>", f"35: surfaces: {UNKNOWN.format('{e}x')}"),
+    ("</surfaces>", "<x xmlns='urn:e'/></surfaces>", f"35: surfaces: {UNKNOWN.format('{urn:e}x')}"),
     ("</surfaces>", "<sfere/></surfaces>", f"35: surfaces: {UNKNOWN.format('sfere')}; did you mean <sphere>?"),
     ("<sphere ", '<sphere foo="7" ', "25: sphere: unknown attribute 'foo' ignored"),
     (END, "<transfrom/></sphere>", f"34: sphere: {UNKNOWN.format('transfrom')}; did you mean <transform>?"),
