@@ -36,7 +36,7 @@ EXAMPLES = """examples:
 # Options that ask for more than one picture, those that go with one only, and those that do not go with a cluster.
 MANY = ("orbit", "axis", "degrees", "frames", "fps", "skip_existing")
 ONE = (
-    *("check", "explain", "trace", "compare", "tolerance", "json", "stats", "bits", "outputs", "watch"),
+    *("check", "explain", "trace", "compare", "tolerance", "json", "stats", "repeat", "bits", "outputs", "watch"),
     *("view", "tiles"),
 )
 # Options that say how another one does its work.
@@ -44,7 +44,7 @@ OF = {
     "tiles": "cluster", "trace": "explain", "tolerance": "compare", "samples": "antialias",
     "axis": "orbit", "degrees": "orbit",
 }  # fmt: skip
-NOT_ON_CLUSTER = ("check", "stats", "bits", "outputs", "watch")
+NOT_ON_CLUSTER = ("check", "stats", "repeat", "bits", "outputs", "watch")
 # Options that go with all kinds of work on scenes.
 ALWAYS = {"scenes", "watch", "quiet", "verbose", "limit"}
 
@@ -299,6 +299,7 @@ def parser(whole: bool = True) -> argparse.ArgumentParser:
     rare("--json", action="store_true", help="with --explain and --compare: one JSON object")
     text_or_json = {"const": "text", "type": form, "choices": ("text", "json"), "metavar": "text|json"}
     usual("--stats", nargs="?", **text_or_json, help="times and counts")
+    rare("--repeat", type=positive, default=1, metavar="N", help="render N times, report the fastest")
 
     usual = group("messages")
     usual("-q", "--quiet", action="store_true", help="only errors")

@@ -37,12 +37,13 @@ def draw(options: Options, reporter: Reporter) -> int:
     checked: tuple[Output, ...] = () if options.check is None else ("rgb8", "id")
     renderer = _renderer(scene, options, (*files.needed, *checked))
     start, axes = time.perf_counter(), options.axes(scene.camera)
-    if files.by_rows and options.check is None:
+    if files.by_rows and options.check is None and options.repeat == 1:
         image = files.write_strips(renderer, axes, reporter.progress)
         start += image.frame_seconds
     else:
         _check_memory(renderer)
-        image = renderer.render(progress=reporter.progress)
+        frames = (renderer.render(progress=reporter.progress) for _ in range(options.repeat))
+        image = min(frames, key=lambda frame: frame.frame_seconds)
         start = time.perf_counter()
         files.write(image, axes)
     now = time.perf_counter()
@@ -142,7 +143,7 @@ def _check_memory(renderer: Renderer) -> None:
     size, memory = width * height * renderer.bytes_a_pixel, physical_memory()
     if size > memory:
         taken = f"{width}x{height} would take {size / 1e9:.3g} GB at once, of {memory / 1e9:.3g} GB"
-        rows = f"only {', '.join(BY_ROWS)} are written by rows, without --check and --show depth"
+        rows = f"only {', '.join(BY_ROWS)} are written by rows, without --check, --repeat and --show depth"
         raise UsageError(f"{taken}; {rows}; or draw a part of it with --crop")
 
 

@@ -119,7 +119,7 @@ def test_a_whole_picture_that_no_memory_holds(
     monkeypatch.setattr("cltrace.cli.picture.physical_memory", lambda: 5e4)
     for more, size in ((["-o", "a.npz"], 243), (["--check", "-o", "a.npy"], 47.2)):
         assert cli.main([str(SCENE), *SIZE, *more]) == (2 if size > 50 else 0)
-        advice = "of 5e-05 GB; only .png, .exr, .npy are written by rows, without --check and "
+        advice = "of 5e-05 GB; only .png, .exr, .npy are written by rows, without --check, --repeat and "
         advice += "--show depth; or draw a part of it with --crop"
         want = f"cltrace: 90x75 would take {size / 1e6:.3g} GB at once, {advice}\n" if size > 50 else ""
         assert capsys.readouterr().err == want
