@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from copy import copy
 from dataclasses import dataclass, fields
 from typing import Any, Self
 
@@ -48,16 +49,14 @@ COEFFICIENTS = ("ka", "kd", "ks", "exponent", "reflectance", "transmittance")
 class Frozen:
     """A dataclass of read-only arrays, in pickles too, which have the fields and not what is worked out from them."""
 
-    @classmethod
-    def made_of(cls, state: Mapping[str, Any]) -> Self:
-        """One with these fields, which are right: they are neither checked nor copied."""
-        made = cls.__new__(cls)
-        made.__setstate__(state)
-        return made
-
     def changed(self, **values: Any) -> Self:
-        """The same with other fields, as of made_of(). It shares the others, and what has been worked out from them."""
-        return self.made_of(vars(self) | values)
+        """The same with other fields, which are neither checked nor copied.
+
+        It shares the others, and what has been worked out from them.
+        """
+        made = copy(self)
+        made.__setstate__(vars(self) | values)
+        return made
 
     def __getstate__(self) -> dict[str, Any]:
         state = {f.name: vars(self)[f.name] for f in fields(self)}  # type: ignore[arg-type]

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from copy import copy
+from dataclasses import dataclass, field, fields
 from itertools import accumulate
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -110,6 +111,7 @@ class Scene(Frozen):
     All surfaces are numbered together, from 0, in the order of the file: that is a surface's id in a picture. Meshes
     and cylinders know their numbers, and the spheres have those that these leave.
 
+    columns: what spheres and materials hold, as arrays, of which these records are made where they are asked for;
     source: the lines of the file that it was read from, a cltrace.scene.Source; scale: how the values of spheres become
     colours. Both are None of a scene that is made otherwise, as dataclasses.replace() does.
 
@@ -131,6 +133,7 @@ class Scene(Frozen):
     cylinders: NDArray[np.void]
     bonds: Bonds | None
     planes: NDArray[np.void]
+    columns: Columns = field(init=False)
     source: Source | None = field(default=None, init=False)
     scale: Scale | None = field(default=None, init=False)
 
@@ -161,10 +164,13 @@ class Scene(Frozen):
         others = [row.checked(given, len(shades), len(balls)) for row in OTHERS]
         _check_numbers(others)
         color, alpha = background_of(background, background_alpha)
-        state: dict[str, Any] = {"camera": camera, "lights": joined(lights), "output_file": output_file}
-        state |= {"background": color, "background_alpha": alpha, "spheres": balls, "materials": shades}
-        state |= fields_of(others) | {"to_object": maps, "textures": images, "transfer": transfer}
-        _check_rest(state)
+        if not isinstance(output_file, str):
+            raise TypeError(f"output_file: must be a text, got {described(output_file)}")
+        lamps = joined(lights)
+        check_lights(lamps)
+        state: dict[str, Any] = {"camera": camera, "lights": lamps, "output_file": output_file, "transfer": transfer}
+        state |= {"background": color, "background_alpha": alpha, "columns": Columns.of_records(balls, shades)}
+        state |= fields_of(others) | {"to_object": maps, "textures": images}
         self.__setstate__(state | {"scale": None, "source": None})
 
     def seen_by(self, camera: AnyCamera) -> Scene:
@@ -193,9 +199,7 @@ class Scene(Frozen):
             lights = setting(lights, self)
         found = joined(lights)
         check_lights(found)
-        state = vars(self) | {"lights": found, "source": None}
-        state.pop("_lamps", None)
-        return self.made_of(state)
+        return self.with_fields(lights=found)
 
     @property
     def lamps(self) -> NDArray[np.void]:
@@ -217,9 +221,9 @@ class Scene(Frozen):
 
     def with_fields(self, **changes: object) -> Scene:
         """The same scene with other fields, which are taken as they are. `columns` is that of spheres and materials."""
-        names = {f.name for f in fields(self)} - {"spheres", "materials"}
-        state = {name: getattr(self, name) for name in names} | {"columns": self.columns, "source": None}
-        return self.made_of(state | changes)
+        made = copy(self)  # without what has been worked out from the fields
+        made.__setstate__({"source": None} | changes)
+        return made
 
     @property
     def shapes(self) -> tuple[Surfaces, ...]:
@@ -269,20 +273,14 @@ class Scene(Frozen):
         """Whether there are surfaces beside the spheres."""
         return any(map(len, self.others))
 
-    @functools.cached_property
-    def columns(self) -> Columns:
-        """What spheres and materials hold, as arrays."""
-        return Columns.of_records(self.spheres, self.materials)
-
     def __getattr__(self, name: str) -> Any:
-        """The records, which a scene of plain arrays has only if it is asked for them."""
+        """The records, which a scene has only if it is asked for them."""
         if name in ("spheres", "materials") and "columns" in vars(self):
             return getattr(self.columns, name)
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def __getstate__(self) -> dict[str, Any]:
-        names = {f.name for f in fields(self)} & vars(self).keys()
-        return {name: vars(self)[name] for name in (names if "spheres" in names else {*names, "columns"})}
+        return {name: vars(self)[name] for name in {f.name for f in fields(self)} - {"spheres", "materials"}}
 
     @classmethod
     def from_spheres(
@@ -361,25 +359,40 @@ class Scene(Frozen):
         a map's name needs a package that is not there.
         """
         _check_camera(camera, "camera, lights, centers, radii, colors")
-        lights = _joined(lights)
         center = points(centers, radii)
         n = len(center)
         radius = column("radii", POSITIVE, radii, (n,))
-        shown, scale = colors_given(n, colors, values=values, cmap=cmap, clim=clim, norm=norm)
-        given = {"color": (1.0, 1.0, 1.0) if shown is None else shown, "kd": kd, "ks": ks, "exponent": exponent}
+        colors, scale = colors_given(n, colors, values=values, cmap=cmap, clim=clim, norm=norm)
+        given = {"color": (1.0, 1.0, 1.0) if colors is None else colors, "kd": kd, "ks": ks, "exponent": exponent}
         given |= {"reflectance": reflectance, "transmittance": transmittance, "index": index}
         shade = shades(given if ka is None else {**given, "ka": ka}, n)
         if ka is None:
             shade["ka"] = shade["kd"]
-        shapes = mesh_list(meshes)
-        one = shade["color"].ndim == 1 and not any(shade[name].ndim for name in (*COEFFICIENTS, "index"))
+        one = n > 0 and shade["color"].ndim == 1 and not any(shade[name].ndim for name in (*COEFFICIENTS, "index"))
+        count, material = (1, np.zeros((), np.int32)) if one else (n, None)
         radius, to_object, maps = shaped(radius, n, transform)
-        material = np.zeros((), np.int32) if one else None
-        found = Columns(center, radius, material, to_object, shade=shade, count=1 if one else n, follows=ka is None)
-        known = {"camera": camera, "lights": lights, "output_file": output_file, "to_object": maps, "scale": scale}
-        made = cls._made(known, found, shapes, background, transfer)
+        check_transfer(transfer)
+        shade["color"] = decoded(shade["color"], transfer)
+
+        given_meshes = mesh_list(meshes)
+        kinds = materials_shown(given_meshes, transfer)
+        place = {key: count + i for i, key in enumerate(dict.fromkeys(map(id, kinds)))}
+        more, textures = records({id(kind): kind for kind in kinds}.values())
+        check_texels(textures)
+        more["color"] = decoded(more["color"], transfer)
+        pairs = enumerate(zip(given_meshes, kinds, strict=True))
+        placed = tuple(mesh.placed.of(place[id(kind)], n + i) for i, (mesh, kind) in pairs)
+        check_size(placed)
+
+        columns = Columns(center, radius, material, to_object, shade=shade, count=count, rest=more, follows=ka is None)
+        images = tuple(linear_texels(image, transfer) for image in textures)
+        bare = cls(
+            camera, (), np.zeros(0, SPHERE), np.zeros(0, MATERIAL), output_file=output_file, transfer=transfer
+        ).in_front_of(background)
+        made = bare.with_fields(columns=columns, to_object=maps, meshes=placed, textures=images, scale=scale)
+        made = made.lit_by(lights)
         of = {"bonds": bonds, "bond_radius": bond_radius, "bond_colors": bond_colors, "box": box}
-        columns, joining = bonds_of(made.columns, transfer, of)
+        columns, joining = bonds_of(columns, transfer, of)
         return made.with_fields(columns=columns, bonds=joining).following() if joining else made
 
     @classmethod
@@ -401,41 +414,16 @@ class Scene(Frozen):
         Raises ValueError and TypeError, which name the argument and the index.
         """
         _check_camera(camera, "camera, lights, meshes")
-        none = Columns.of_records(np.zeros(0, SPHERE), np.zeros(0, MATERIAL))
-        shapes, maps = mesh_list(meshes), np.empty((0, 3, 3))
-        given = {"camera": camera, "lights": _joined(lights), "output_file": output_file, "to_object": maps}
-        return cls._made(given, none, shapes, background, transfer)
-
-    @classmethod
-    def _made(
-        cls, given: dict[str, Any], columns: Columns, meshes: list[Mesh], background: ArrayLike, transfer: Transfer
-    ) -> Scene:
-        """A scene of spheres and their materials, and of meshes after them with theirs.
-
-        given: other fields, as they are, lights by the name of a setting, too; transfer: how the colours of materials,
-        textures and background are given.
-        """
-        check_transfer(transfer)
-        shown = materials_shown(meshes, transfer)
-        kinds = {id(material): material for material in shown}
-        place = {key: columns.count + i for i, key in enumerate(kinds)}
-        more, textures = records(kinds.values())
-        check_texels(textures)
-        more["color"] = decoded(more["color"], transfer)
-        shade = {**columns.shade, "color": decoded(columns.shade["color"], transfer)}
-        images = tuple(linear_texels(image, transfer) for image in textures)
-        n = len(columns)
-        placed = tuple(mesh.placed.of(place[id(shown[i])], n + i) for i, mesh in enumerate(meshes))
-        check_size(placed)
-        color, alpha = background_of(background, 1.0, transfer)
-        state = {**fields_of(row() for row in OTHERS), "scale": None, "source": None, **given, "transfer": transfer}
-        state |= {"columns": replace(columns, shade=shade, rest=more)}
-        state |= {"background": color, "background_alpha": alpha, "meshes": placed, "textures": images}
-        named = isinstance(given["lights"], str)
-        state |= {"lights": joined(())} if named else {}
-        _check_rest(state)
-        scene = cls.made_of(state)
-        return scene.lit_by(given["lights"]) if named else scene
+        return cls.from_spheres(
+            camera,
+            lights,
+            (),
+            1.0,
+            meshes=meshes,
+            background=background,
+            output_file=output_file,
+            transfer=transfer,
+        )
 
     def with_cylinders(
         self,
@@ -528,25 +516,10 @@ def _check_numbers(others: Sequence[NumberedSurfaces]) -> None:
         raise ValueError(f"{last.words}.number: {number} is given twice")
 
 
-def _check_rest(state: dict[str, Any]) -> None:
-    """Raises TypeError and ValueError, as Scene does, for the fields output_file and lights."""
-    if not isinstance(state["output_file"], str):
-        raise TypeError(f"output_file: must be a text, got {described(state['output_file'])}")
-    check_lights(state["lights"])
-
-
 def share_all_but_camera(old: Scene, new: Scene) -> bool:
     """Whether two scenes share all but the camera."""
     names = {f.name for f in fields(Scene)} - {"camera", "output_file", "source", "scale", "spheres", "materials"}
     return all(getattr(old, name) is getattr(new, name) for name in ("columns", *names))
-
-
-def _joined(lights: Lights | str) -> NDArray[np.void] | str:
-    """One array of lights, or the name of a setting, which is one."""
-    if not isinstance(lights, str):
-        return joined(lights)
-    check_setting(lights)
-    return lights
 
 
 def _check_camera(camera: object, order: str = "") -> None:

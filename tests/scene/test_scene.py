@@ -98,8 +98,8 @@ def test_seen_by_another_camera() -> None:
     """What a scene made anew would hold, without a copy."""
     scene, camera = build(background=(0.1, 0.2, 0.3), output_file="x.png"), Camera((0, 0, 9))
     other, anew = scene.seen_by(camera), replace(scene, camera=camera)
-    for field in fields(Scene):
-        assert np.array_equal(getattr(other, field.name), getattr(anew, field.name)), field.name
+    for name in {field.name for field in fields(Scene)} - {"columns"}:
+        assert np.array_equal(getattr(other, name), getattr(anew, name)), name
     assert other.camera is camera
     assert scene.camera == Camera()
     assert other.spheres is scene.spheres
