@@ -14,7 +14,6 @@ import pytest
 from exact_rays import blocked as blocked_from
 from exact_rays import closest_from
 from hostile import bounced_regimes
-from surface_rays import closest
 
 import cltrace
 from cltrace import Camera, Scene
@@ -158,11 +157,14 @@ def test_spot_falls_off_linearly_in_the_angle(degrees: float, alpha1: float) -> 
     assert trace(world_of(scene), AHEAD)[0] == pytest.approx((share,) * 3, abs=1e-14)
 
 
+@pytest.mark.parametrize("stretch", [(1, 1, 1), (2, 1, 4)])
 @pytest.mark.parametrize(
     ("name", "light", "others", "shadowed"),
     [
         ("nothing between", (0, 0, 5), [], False),
         ("between", (0, 9, -3), [(0, 3, -3, 1)], True),
+        ("touching", (0, 9, -3), [(1, 3, -3, 1)], True),
+        ("a little beside", (0, 9, -3), [(1 + 2**-52, 3, -3, 1)], False),
         ("behind the light", (0, 2, -3), [(0, 5, -3, 1)], False),
         ("light just before the occluder", (0, 2 - 2**-51, -3), [(0, 3, -3, 1)], False),
         ("light on the occluder", (0, 2, -3), [(0, 3, -3, 1)], False),
@@ -178,13 +180,19 @@ def test_spot_falls_off_linearly_in_the_angle(degrees: float, alpha1: float) -> 
     ],
 )
 def test_shadows_of_a_point_light(
-    name: str, light: tuple[float, float, float], others: list[tuple[float, float, float, float]], shadowed: bool
+    name: str,
+    light: tuple[float, float, float],
+    others: list[tuple[float, float, float, float]],
+    shadowed: bool,
+    stretch: tuple[float, float, float],
 ) -> None:
-    """The point is (0, 0, -3), on the front of the sphere 0, wherever it is seen from."""
-    world = world_of(scene_of((0, 0, -5, 2), *others, lights=(cltrace.point_light(light),)))
-    t = balls_of(world)[0].intersect(AHEAD)
-    assert t == 3
-    at = balls_of(world)[0].intersection_at(AHEAD, t)
+    """The point is on the front of the first sphere, wherever it is seen from. Ellipsoids are a stretched world."""
+    maps, near = {} if stretch == (1, 1, 1) else {"transform": np.diag(stretch)}, -3.0 * stretch[2]
+    spheres = [(*np.multiply(ball[:3], stretch), ball[3]) for ball in (BALL, *others)]
+    scene = scene_of(*spheres, lights=(cltrace.point_light(np.multiply(light, stretch)),), **maps)
+    world = world_of(scene)
+    at = balls_of(world)[0].intersection_at(AHEAD, -near)
+    assert at.point == Point(0, 0, near)
     assert cast_shadow_ray(world, at, world.lights[0]) is shadowed, name
 
 
@@ -195,9 +203,12 @@ def test_shadows_of_a_parallel_light_reach_to_infinity() -> None:
         assert cast_shadow_ray(world, at, world.lights[0]) is shadowed
 
 
-def test_own_sphere_blocks_only_from_inside_and_only_lights_that_are_outside() -> None:
-    for z, lit in ((-1.0, True), (3.0, False), (2.0, True)):
-        scene = scene_of((0, 0, 0, 2), lights=(cltrace.point_light((0, 0, z)),), ka=0, kd=1, ks=0)
+def test_own_surface_blocks_only_from_inside_and_only_lights_that_are_outside() -> None:
+    for maps, z, lit in (
+        *(({}, z, lit) for z, lit in ((-1.0, True), (3.0, False), (2.0, True))),
+        *(({"transform": np.diag([1, 2, 3])}, z, lit) for z, lit in ((-1, True), (-2.75, True), (7, False), (6, True))),
+    ):
+        scene = scene_of((0, 0, 0, 2), lights=(cltrace.point_light((0, 0, z)),), ka=0, kd=1, ks=0, **maps)
         assert (trace(world_of(scene), AHEAD)[0][0] > 0) is lit
     outside = scene_of((0, 0, 0, 2), lights=(cltrace.parallel_light((0, 0, -1)),), ka=0, kd=1, ks=0)
     assert trace(world_of(outside), AHEAD)[0] == (0, 0, 0)
@@ -416,48 +427,27 @@ def test_along_a_surface_on_which_the_eye_is() -> None:
     assert 20 < hits < 80
 
 
-@pytest.mark.parametrize("distance", [1 + 1e-9, 1.01, 3.0, 1e4])
-def test_rays_that_all_but_touch(distance: float) -> None:
-    """Tangents but for the rounding of their directions: hit or miss is below what doubles resolve."""
-    rng, hits = np.random.default_rng(10), []
-    for _ in range(4):
-        center = rng.normal(size=3)
-        radius = float(np.linalg.norm(center)) / distance
-        ahead = center / np.linalg.norm(center)
-        side = np.cross(ahead, rng.normal(size=(50, 3)))
-        side /= np.linalg.norm(side, axis=1)[:, None]
-        rows = ahead * (math.sqrt((distance - 1) * (distance + 1)) / distance) + side / distance
-        index, _ = closest((0, 0, 0), rows, [center], [radius])
-        world = world_of(scene_of((*center, radius)))
-        assert [closest_hit(world, Ray(EYE, Direction(*row))) is not None for row in rows] == (index == 0).tolist()
-        hits += (index == 0).tolist()
-    assert 0.2 < np.mean(hits) < 0.8
-
-
 # ---------------------------------------------------------------------------------------------------- mirrors and glass
 
 UP = Direction(0, 1, 0)
 
 
-def test_a_mirror_turns_the_part_along_the_normal() -> None:
-    assert mirrored(Direction(3, -4, 12), UP, 1) == Direction(3, 4, 12)
-    assert mirrored(Direction(3, 4, 12), UP, -1) == Direction(3, -4, 12)
-    n = Direction(0.6, 0.0, 0.8)
-    assert tuple(mirrored(Direction(-1, 0, 0), n, 1)) == pytest.approx((2 * 0.36 - 1, 0, 2 * 0.48), abs=1e-15)
-
-
-@pytest.mark.parametrize("slope", [1e-12, 1e-14])
-def test_a_grazing_ray_keeps_its_angle(slope: float) -> None:
-    assert mirrored(Direction(1, -slope, 0), UP, 1) == Direction(1, slope, 0)
-    through = refracted(Direction(1, -slope, 0), UP, 1, 1.5)
-    assert through is not None
-    assert tuple(through) == pytest.approx((1 / 1.5, -math.sqrt(1 - 1 / 2.25), 0), abs=1e-15)
-
-
-@pytest.mark.parametrize("slope", [1e-16, 0.0, -1e-16])
-def test_a_ray_along_the_surface_leaves_on_its_side(slope: float) -> None:
-    assert mirrored(Direction(1, -slope, 0), UP, 1).y == pytest.approx(2.0**-47, rel=1e-15)
-    assert mirrored(Direction(1, slope, 0), UP, -1).y == pytest.approx(-(2.0**-47), rel=1e-15)
+@pytest.mark.parametrize(
+    ("d", "n", "side", "want"),
+    [
+        ((3, -4, 12), UP, 1, (3, 4, 12)),
+        ((3, 4, 12), UP, -1, (3, -4, 12)),
+        ((-1, 0, 0), Direction(0.6, 0.0, 0.8), 1, (2 * 0.36 - 1, 0, 2 * 0.48)),
+        # A grazing ray keeps its angle; one along the surface leaves on its side.
+        ((1, -1e-14, 0), UP, 1, (1, 1e-14, 0)),
+        *(((1, -slope, 0), UP, 1, (1, 2.0**-47, 0)) for slope in (1e-16, 0, -1e-16)),
+        ((1, 1e-16, 0), UP, -1, (1, -(2.0**-47), 0)),
+    ],
+)
+def test_a_mirror_turns_the_part_along_the_normal(
+    d: tuple[float, float, float], n: Direction, side: int, want: tuple[float, float, float]
+) -> None:
+    assert tuple(mirrored(Direction(*d), n, side)) == pytest.approx(want, rel=1e-15, abs=1e-20)
 
 
 def test_snell() -> None:
@@ -510,30 +500,36 @@ def seen(*spheres: tuple[float, float, float, float], ray: Ray = AHEAD, bounces:
     return trace(world_of(scene.seen_by(camera)), ray)[0][0]
 
 
-def test_a_mirror_shows_what_is_behind_the_eye() -> None:
-    balls = [(0, 0, -5, 2), (0, 0, 9, 1)]
-    assert seen(*balls, ka=[0.5, 0.25], reflectance=[1, 0]) == 0.25
-    assert seen(*balls, ka=[0.5, 0.25], reflectance=[0.25, 0]) == 0.75 * 0.5 + 0.25 * 0.25
-    assert seen(*balls[:1], ka=0.5, reflectance=0.25, background=(0.75, 0, 0)) == 0.75 * 0.5 + 0.25 * 0.75
+TWO, DOUBLING = [(0, 0, -5, 2), (0, 0, 9, 1)], {"ka": 0.5, "reflectance": 2}
 
 
-def test_weights_above_1_leave_nothing_of_the_surface_s_own_colour() -> None:
-    """The mirrored ray sees the ball behind the eye, the other one the far wall from inside, after one bounce."""
-    balls = [(0, 0, -5, 2), (0, 0, 9, 1)]
-    color = seen(*balls, ka=[0.5, 0.125], reflectance=[0.75, 0], transmittance=[1.25, 0], bounces=0)
-    assert color == 0.75 * 0.125 + 1.25 * 0.5
-
-
-@pytest.mark.parametrize("bounces", [0, 1, 5, 14])
-def test_what_is_met_after_the_last_bounce_counts_in_full(bounces: int) -> None:
-    """Within a mirror that doubles: its own share is none, but after the last bounce it is all."""
-    assert seen((0, 0, 0, 3), ka=0.5, reflectance=2, bounces=bounces) == 0.5 * 2.0 ** (bounces + 1)
+@pytest.mark.parametrize(
+    ("spheres", "options", "want"),
+    [
+        # A mirror shows what is behind the eye, or the background.
+        (TWO, {"ka": [0.5, 0.25], "reflectance": [1, 0]}, 0.25),
+        (TWO, {"ka": [0.5, 0.25], "reflectance": [0.25, 0]}, 0.75 * 0.5 + 0.25 * 0.25),
+        (TWO[:1], {"ka": 0.5, "reflectance": 0.25, "background": (0.75, 0, 0)}, 0.75 * 0.5 + 0.25 * 0.75),
+        # Weights above 1 leave nothing of the surface's own colour; the other ray sees the far wall from inside.
+        (
+            TWO,
+            {"ka": [0.5, 0.125], "reflectance": [0.75, 0], "transmittance": [1.25, 0], "bounces": 0},
+            0.75 * 0.125 + 1.25 * 0.5,
+        ),
+        # What is met after the last bounce counts in full: within a mirror that doubles, its own share is none before.
+        *(([(0, 0, 0, 3)], {**DOUBLING, "bounces": n}, 0.5 * 2.0 ** (n + 1)) for n in (0, 1, 5, 14)),
+        ([(0, 0, 0, 3)], {**DOUBLING, "bounces": 100}, 2.0**21),  # the most that a sum holds
+    ],
+)
+def test_what_is_seen_in_mirrors_and_glass(
+    spheres: list[tuple[float, float, float, float]], options: dict[str, object], want: float
+) -> None:
+    assert seen(*spheres, **options) == want
 
 
 def test_a_hundred_bounces() -> None:
-    camera_off = Ray(Point(0.3, -0.2, 0.1), Direction(0.4, 0.5, -1))
-    assert seen((0, 0, 0, 3), ka=0.5, reflectance=1, bounces=100, ray=camera_off) == 0.5
-    assert seen((0, 0, 0, 3), ka=0.5, reflectance=2, bounces=100) == 2.0**21  # the most that a sum holds
+    ray = Ray(Point(0.3, -0.2, 0.1), Direction(0.4, 0.5, -1))
+    assert seen((0, 0, 0, 3), ka=0.5, reflectance=1, bounces=100, ray=ray) == 0.5
 
 
 def test_sums_are_whole_multiples_and_opaque_scenes_have_none() -> None:
@@ -672,45 +668,6 @@ def test_where_a_sphere_and_an_ellipsoid_touch_the_lowest_index_wins() -> None:
         assert at.index == (1 if i == 0 else 0)
 
 
-@pytest.mark.parametrize(
-    ("name", "light", "others", "shadowed"),
-    [
-        ("nothing between", (0, 0, 5), [], False),
-        ("between", (0, 9, -2), [(0, 3, -2, 1)], True),
-        ("a little beside", (0, 9, -2), [(2 + 2**-51, 3, -2, 1)], False),
-        ("touching", (0, 9, -2), [(2, 3, -2, 1)], True),
-        ("behind the light", (0, 2, -2), [(0, 9, -2, 1)], False),
-        ("light on the blocker", (0, 2, -2), [(0, 3, -2, 1)], False),
-        ("light just inside the blocker", (0, 2 + 2**-51, -2), [(0, 3, -2, 1)], True),
-        ("point and light inside", (0, 0, 5), [(0, 0, 0, 100)], False),
-        ("shell one ulp outside", (0, 0, 5), [(0, 0, -6, math.nextafter(1, 2))], True),
-        ("shell one ulp inside", (0, 0, 5), [(0, 0, -6, math.nextafter(1, 0))], False),
-    ],
-)
-def test_shadows_of_ellipsoids(
-    name: str, light: tuple[float, float, float], others: list[tuple[float, float, float, float]], shadowed: bool
-) -> None:
-    """All are stretched by 2, 1 and 4 along the axes. The point is (0, 0, -2), on the front of the first one."""
-    world = ellipsoids((0, 0, -6, 1), *others, transform=np.diag([2, 1, 4]), lights=(cltrace.point_light(light),))
-    at = balls_of(world)[0].intersection_at(AHEAD, 2)
-    assert at.point == Point(0, 0, -2)
-    assert cast_shadow_ray(world, at, world.lights[0]) is shadowed, name
-    # The same seen from a sphere that touches the first ellipsoid there.
-    small = scene_of((0, 0, -2.5, 0.5), *others, lights=(cltrace.point_light(light),))
-    maps = np.diag([0.5, 1, 0.25])
-    spheres = small.spheres.copy()
-    spheres["to_object"][1:] = 0
-    world = world_of(dataclasses.replace(small, spheres=spheres, to_object=[maps]))
-    at = balls_of(world)[0].intersection_at(AHEAD, 2)
-    assert cast_shadow_ray(world, at, world.lights[0]) is shadowed, name
-
-
-def test_an_ellipsoid_is_in_its_own_way_only_from_inside_and_for_lights_that_are_outside() -> None:
-    for z, lit in ((-1.0, True), (-2.75, True), (7.0, False), (6.0, True)):
-        scene = scene_of((0, 0, 0, 2), transform=np.diag([1, 2, 3]), lights=(cltrace.point_light((0, 0, z)),), ka=0)
-        assert (trace(world_of(scene), AHEAD)[0][0] > 0) is lit
-
-
 def test_light_on_an_ellipsoid_falls_by_its_normal() -> None:
     """A parallel light 60 degrees off the normal at a point where that is not the way to the centre."""
     world = ellipsoids((-1, 0, -5, 1), transform=np.diag([2, 1, 3]))
@@ -774,30 +731,20 @@ def test_doubles_are_sure_only_where_they_are_right(name: str) -> None:
     assert min(sure[None], sure[0], sure[1] + sure[-1]) > 5
 
 
-def judged(name: str, seed: int, count: int) -> int:
-    """How many rays of a regime the reference decides as the oracle does; an error where one is decided otherwise."""
-    scene = bounced_regimes.scene_of(name, seed)
-    rays, world = bounced_regimes.rays_of(scene, count, seed), world_of(scene)
-    spheres = Spheres.of(scene)
-    found = Kinds([spheres]).closest(rays.path(spheres))
-    index, t = found.item, found.t.h
-    for row in range(count):
-        start = balls_of(world)[rays.own[row]].start(Direction(*rays.normal[row].tolist()))
-        at = closest_hit(world, Ray(start, Direction(*rays.direction[row].tolist())))
-        assert (at.index if at else -1) == index[row], (name, seed, row)
-        assert at is None or abs(at.t / t[row] - 1) < 2.0**-24, (name, seed, row)
-    return count
-
-
+@pytest.mark.parametrize(
+    ("seeds", "count"), [(range(4), 60), pytest.param(range(40), 500, marks=pytest.mark.stress)], ids=["", "long"]
+)
 @pytest.mark.parametrize("name", list(bounced_regimes.REGIMES))
-def test_bounced_rays_are_those_of_the_oracle(name: str) -> None:
-    assert sum(judged(name, seed, 60) for seed in range(4)) == 240
-
-
-@pytest.mark.stress
-@pytest.mark.parametrize("name", list(bounced_regimes.REGIMES))
-def test_bounced_rays_are_those_of_the_oracle_long(name: str) -> None:
-    assert sum(judged(name, seed, 500) for seed in range(40)) == 20_000
+def test_bounced_rays_are_those_of_the_oracle(name: str, seeds: range, count: int) -> None:
+    for seed in seeds:
+        scene = bounced_regimes.scene_of(name, seed)
+        rays, world, spheres = bounced_regimes.rays_of(scene, count, seed), world_of(scene), Spheres.of(scene)
+        found = Kinds([spheres]).closest(rays.path(spheres))
+        for row in range(count):
+            start = balls_of(world)[rays.own[row]].start(Direction(*rays.normal[row].tolist()))
+            at = closest_hit(world, Ray(start, Direction(*rays.direction[row].tolist())))
+            assert (at.index if at else -1) == found.item[row], (seed, row)
+            assert at is None or abs(at.t / found.t.h[row] - 1) < 2.0**-24, (seed, row)
 
 
 def test_shadows_are_those_of_the_oracle() -> None:
