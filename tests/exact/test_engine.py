@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import judge
 import mpmath
 import numpy as np
@@ -93,28 +95,22 @@ def test_rays_and_shadows_from_spheres_and_ellipsoids(name: str) -> None:
     assert min(count.values()) > 0
 
 
-@pytest.mark.parametrize("name", list(mesh_regimes.REGIMES))
-def test_meshes(name: str) -> None:
-    scene = mesh_regimes.scene_of(name, 0, (8, 8))
-    surfaces = surfaces_of(scene)
-    axes, eye = np.array(scene.camera.basis()), scene.camera.position
-    d = rays(scene.camera)[np.random.default_rng(1).choice(64, 3 if len(surfaces) < 200 else 1, replace=False)] @ axes
-    found = closest_hit(scene, eye, d)
-    for k, way in enumerate(d):
-        agree(surfaces, (int(found.id[k]), int(found.primitive[k]), float(found.t[k])), eye, way)
-
-
-@pytest.mark.parametrize("name", list(cylinder_regimes.REGIMES))
-def test_cylinders(name: str) -> None:
-    for seed in range(3):
-        scene = cylinder_regimes.scene_of(name, seed, (8, 8))
-        d = rays(scene.camera)[np.random.default_rng(seed).choice(64, 8, replace=False)] @ np.array(
-            scene.camera.basis()
-        )
-        found = closest_hit(scene, scene.camera.position, d)
+@pytest.mark.parametrize(
+    ("regimes", "name", "seeds"),
+    [
+        *((mesh_regimes, name, 1) for name in mesh_regimes.REGIMES),
+        *((cylinder_regimes, name, 3) for name in cylinder_regimes.REGIMES),
+    ],
+)
+def test_meshes_and_cylinders(regimes: Any, name: str, seeds: int) -> None:
+    for seed in range(seeds):
+        scene = regimes.scene_of(name, seed, (8, 8))
+        surfaces, eye, rng = surfaces_of(scene), scene.camera.position, np.random.default_rng(seed)
+        d = rays(scene.camera)[rng.choice(64, 4 if len(surfaces) < 200 else 1, replace=False)]
+        d = d @ np.array(scene.camera.basis())
+        found = closest_hit(scene, eye, d)
         for k, way in enumerate(d):
-            got = int(found.id[k]), int(found.primitive[k]), float(found.t[k])
-            agree(surfaces_of(scene), got, scene.camera.position, way)
+            agree(surfaces, (int(found.id[k]), int(found.primitive[k]), float(found.t[k])), eye, way)
 
 
 def whole_scene(rng: np.random.Generator) -> Scene:
