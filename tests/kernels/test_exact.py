@@ -39,10 +39,11 @@ def scene_of(shape: str, name: str, seed: int, side: int) -> Scene:
 
 
 def marks(shape: str, name: str, precision: str, number: int) -> list[pytest.MarkDecorator]:
-    """double leaves out the filter, and that is all: in an ordinary run some regimes of spheres are enough for it."""
-    if precision == "double" and (shape != "spheres" or number % 4):
+    """double leaves out the filter, and that is all: some regimes are enough for it."""
+    if precision == "double" and number % 4:
         return [pytest.mark.stress]
-    return [pytest.mark.slow] if name in LATER and shape != "spheres" else []
+    is_slow = shape != "spheres" and (name in LATER or precision == "double")
+    return [pytest.mark.slow] if is_slow else []
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from clipped_scenes import scene_of as clipped
 from glowing import eye, glowing, shades
 from hostile import cylinder_regimes, mesh_regimes
 from hostile.sphere_scenes import unit
@@ -106,6 +107,7 @@ ROWS = {
         (),
         ("filter",),
     ),
+    "clipped": Row(lambda: [clipped(name, 2) for name in ("some", "glass", "straight")], (), ("filter", "order")),
     "a lamp in a cylinder, or at it": Row(
         lambda: [
             Scene.from_spheres(
