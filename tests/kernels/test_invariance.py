@@ -77,7 +77,7 @@ def parallel(scene: Scene) -> Scene:
 
 
 class Row(NamedTuple):
-    """Scenes, what their pictures keep, and what changes no bit of them: widths of packets and things to skip."""
+    """Scenes, what all their pictures keep, and what changes no bit of them if it is kept, too."""
 
     scenes: Callable[[], list[Scene]]
     keep: tuple[str, ...] = ()

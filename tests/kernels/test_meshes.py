@@ -39,7 +39,6 @@ pytestmark = pytest.mark.slow
 
 SAME = ("rgb8", "color", "depth", "id", "primitive", "normal", "shadow_rays")
 MATTE = Material(ka=0, kd=1, ks=0)
-# Tests that look at pixels' colours alone take black for none.
 CONVEX = [box(), octahedron().moved(factor=2), tetrahedron().moved(factor=3), ball(1).moved(factor=2)]
 
 
