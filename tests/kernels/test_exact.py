@@ -110,6 +110,16 @@ def test_a_ray_that_touches_hits(device: Device, parallel: bool, precision: str)
                 assert hit < 0 or abs(image.depth[1, 1] / z - 1) <= 2.0**-52, (z, r, more)
 
 
+@pytest.mark.parametrize("parallel", [False, True], ids=["perspective", "parallel"])
+def test_which_sphere_is_nearer_by_less_than_pairs_of_doubles_can_tell(device: Device, parallel: bool) -> None:
+    """The nearer one, which is met at 5 - sqrt(1 - x^2), has the higher number."""
+    camera = Orthographic(height=3, resolution=(3, 3)) if parallel else Camera((0, 0, 0), (0, 0, -1), resolution=(3, 3))
+    for k in (20, 40, 60, 100, 140):
+        for far in ((2.0**-k, 0), (0, 2.0**-k)):
+            scene = Scene.from_spheres(camera, [], [(*far, -5), (0, 2.0 ** -(k + 1), -5)], 1)
+            assert picture(scene, device).id[1, 1] == 1, k
+
+
 def test_parallel_rays_that_touch_hit_in_single(device: Device) -> None:
     """Where all numbers are whole, nothing is rounded."""
     camera = Orthographic(height=3, resolution=(3, 3))

@@ -14,6 +14,7 @@ from cltrace.picture.image import Output
 from cltrace.plan import culling, plan
 from cltrace.plan.abi import COUNTERS
 from cltrace.plan.accel import grids
+from cltrace.plan.accel.silhouettes import Discs
 from cltrace.plan.shapes import mesh, sphere
 from cltrace.run import executor
 from cltrace.run.devices import Device, choose
@@ -69,6 +70,27 @@ def test_shadow_rays_that_nothing_can_stop(device: Device, light: np.ndarray) ->
     assert 0 < work[TRACED] < work[UNSTOPPABLE]
     for scene in (free, shaded):
         compare(scene, device, ("unstopped", "receivers"), "accurate")
+
+
+@pytest.mark.parametrize("parallel", [False, True], ids=["point", "parallel"])
+def test_which_spheres_may_shadow_others(parallel: bool) -> None:
+    """A sphere whose shadow reaches another one's edge by 1 % of its radius may, and one that misses it by 1 % not."""
+    rng = np.random.default_rng(6)
+    for share, may in ((0.99, True), (1.01, False)):
+        for _ in range(20):
+            (r, other), turn = rng.uniform(0.1, 0.4, 2), np.linalg.qr(rng.normal(size=(3, 3)))[0]
+            if parallel:  # the light is along the third axis of turn
+                centers = [(0, 0, -1), (r + share * other, 0, 1)]
+            else:  # the light is at 0, and sees both discs in a plane through it
+                far, near = rng.uniform(2, 3), rng.uniform(1, 1.5)
+                angle = np.arcsin(r / far) + share * np.arcsin(other / near)
+                centers = [(0, 0, far), (near * np.sin(angle), 0, near * np.cos(angle))]
+            center, radius = np.array(centers) @ turn, np.array([r, other])
+            discs = Discs(center, radius, (center**2).sum(axis=1) - radius**2)
+            slack = 2.0**-20
+            found = culling.parallel_shadows(turn, discs, slack) if parallel else culling.point_shadows(discs, slack)
+            assert found[0, 1] == may
+            assert not found[1, 0]  # it is further from the light
 
 
 @pytest.mark.parametrize("light", [LAMP, SUN], ids=["point", "parallel"])
