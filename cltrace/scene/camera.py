@@ -75,8 +75,22 @@ class Pose:
         x = _unit((x[0] - along * z[0], x[1] - along * z[1], x[2] - along * z[2]))
         return _on_grid(x), _on_grid(_unit(_cross(z, x))), _on_grid(z)
 
-    def _fill(self, values: dict[str, Any]) -> None:
-        for name, value in values.items():
+    def _set(
+        self,
+        position: ArrayLike,
+        lookat: ArrayLike,
+        up: ArrayLike,
+        resolution: Sequence[int] | NDArray[np.integer[Any]],
+        max_bounces: int,
+        **more: float | bool,
+    ) -> None:
+        """Checks and sets all fields but `more`, which are right."""
+        if not is_whole(max_bounces) or not 0 <= max_bounces <= MAX_BOUNCES:
+            raise ValueError(f"camera.max_bounces: must be within 0..{MAX_BOUNCES}, got {described(max_bounces)}")
+        vectors = {"position": position, "lookat": lookat, "up": up}
+        values = {name: vector(f"camera.{name}", value) for name, value in vectors.items()}
+        numbers = {"resolution": check_resolution(resolution), "max_bounces": int(max_bounces)}
+        for name, value in (values | numbers | more).items():
             object.__setattr__(self, name, value)
         self.basis()
 
@@ -121,11 +135,9 @@ class Camera(Pose):
     ) -> None:
         if not isinstance(square_pixels, (bool, np.bool_)):
             raise ValueError(f"camera.square_pixels: must be True or False, got {described(square_pixels)}")
-        values = _pose(position, lookat, up, resolution=resolution, max_bounces=max_bounces)
-        half = _half_angle(
-            horizontal_fov, full=fov, axis=fov_axis, size=values["resolution"], square_pixels=square_pixels
-        )
-        self._fill(values | {"horizontal_fov": half, "square_pixels": bool(square_pixels)})
+        size = check_resolution(resolution)
+        half = _half_angle(horizontal_fov, full=fov, axis=fov_axis, size=size, square_pixels=square_pixels)
+        self._set(position, lookat, up, size, max_bounces, horizontal_fov=half, square_pixels=bool(square_pixels))
 
     @classmethod
     def fit(
@@ -225,8 +237,8 @@ class Orthographic(Pose):
         resolution: Sequence[int] | NDArray[np.integer[Any]] = (512, 512),
         max_bounces: int = 8,
     ) -> None:
-        values = _pose(position, lookat, up, resolution=resolution, max_bounces=max_bounces)
-        self._fill(values | {"height": float(checked("camera.height", POSITIVE, height, ()))})
+        height = float(checked("camera.height", POSITIVE, height, ()))
+        self._set(position, lookat, up, resolution, max_bounces, height=height)
 
     @classmethod
     def fit(
@@ -266,30 +278,19 @@ class Orthographic(Pose):
 AnyCamera = Camera | Orthographic
 
 
-def _pose(
-    position: ArrayLike,
-    lookat: ArrayLike,
-    up: ArrayLike,
-    resolution: Sequence[int] | NDArray[np.integer[Any]],
-    max_bounces: int,
-) -> dict[str, Any]:
-    """The fields of a Pose, checked."""
-    if not is_whole(max_bounces) or not 0 <= max_bounces <= MAX_BOUNCES:
-        raise ValueError(f"camera.max_bounces: must be within 0..{MAX_BOUNCES}, got {described(max_bounces)}")
-    return {
-        "position": vector("camera.position", position),
-        "lookat": vector("camera.lookat", lookat),
-        "up": vector("camera.up", up),
-        "resolution": check_resolution(resolution),
-        "max_bounces": int(max_bounces),
-    }
-
-
 def _facing(scene: Fitted, view: str | ArrayLike, up: ArrayLike | None, resolution: Any) -> dict[str, Any]:
     """Arguments of a camera at the origin that looks as one that is fitted to a scene will: see Camera.fit()."""
-    back = direction_of(view)
+    if isinstance(view, str):
+        if view not in VIEWS:
+            raise ValueError(f"view: must be one of {', '.join(VIEWS)}, or three numbers, got {described(view)}")
+        view = VIEWS[view]
+    x, y, z = vector("view", view)
+    if not (x or y or z):
+        raise ValueError("view: must not be 0")
+    if up is None:
+        up = (0.0, 1.0, 0.0) if x or z else (0.0, 0.0, -1.0 if y > 0 else 1.0)
     size = scene.camera.resolution if resolution is None else resolution
-    return {"lookat": tuple(-x for x in back), "up": up_for(back, up), "resolution": size}
+    return {"lookat": (-x, -y, -z), "up": vector("up", up), "resolution": size}
 
 
 def _half_angle(
@@ -347,26 +348,6 @@ def _on_grid(v: Vector) -> Vector:
     """v rounded to multiples of 2^-300; the doubles from 2^-247 on are some."""
     x, y, z = (a if a == 0 or abs(a) >= 2.0**-247 else math.ldexp(round(math.ldexp(a, 300)), -300) for a in v)
     return (x, y, z)
-
-
-def direction_of(view: str | ArrayLike) -> Vector:
-    """The direction from a scene to the camera. view: one of VIEWS, or three numbers that are not all 0."""
-    if isinstance(view, str):
-        if view not in VIEWS:
-            raise ValueError(f"view: must be one of {', '.join(VIEWS)}, or three numbers, got {described(view)}")
-        return VIEWS[view]
-    found = vector("view", view)
-    if not any(found):
-        raise ValueError("view: must not be 0")
-    return found
-
-
-def up_for(view: Vector, up: ArrayLike | None) -> Vector:
-    """What is up in the picture, unless told otherwise: y, or, where that is along the view, what is behind."""
-    if up is not None:
-        return vector("up", up)
-    x, y, z = view
-    return (0.0, 1.0, 0.0) if x or z else (0.0, 0.0, -1.0 if y > 0 else 1.0)
 
 
 def checked_margin(margin: float) -> float:

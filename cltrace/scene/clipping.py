@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.limits import MAX_PLANES
-from cltrace.scene.cylinders import colors_of, linear
+from cltrace.scene.colors import decoded
+from cltrace.scene.cylinders import colors_of
 from cltrace.scene.materials import Material, records
 from cltrace.scene.rules import ANY, check_none, check_rule, checked, records_of
 from cltrace.scene.surfaces import Floats, Ids, NumberedSurfaces
@@ -92,9 +93,9 @@ def clipped(scene: Scene, point: ArrayLike, normal: ArrayLike, cap_color: ArrayL
         shown = colors_of("cap_color", 1, cap_color)
         if shown.shape != (3,):
             raise ValueError(f"cap_color: must be one colour, got an array of shape {shown.shape}")
-        kinds["color"] = shown
+        kinds["color"] = decoded(shown, scene.transfer)
         plane["material"] = columns.materials_count
-        columns = columns.with_more(linear(kinds, scene.transfer))
+        columns = columns.with_more(kinds)
     planes = np.concatenate([scene.planes, plane])
     _check_count(planes)
     return scene.with_fields(columns=columns, planes=planes)

@@ -56,7 +56,9 @@ class Scale:
         """
         if norm is not None and not callable(norm):
             raise ValueError(f"norm: must be a function, such as numpy.log or LogNorm(), got {described(norm)}")
-        limits = None if clim is None else _rising(clim)
+        limits = None if clim is None else tuple(checked("clim", ANY, clim, (2,)).tolist())
+        if limits and limits[0] > limits[1]:
+            raise ValueError(f"clim: must be two rising numbers, got {limits[0]:g}, {limits[1]:g}")
         chosen = norm if norm is not None or before is None else before.norm
         if hasattr(chosen, "autoscale_None"):
             chosen, (low, high) = _scaled(chosen, values, limits)
@@ -131,14 +133,6 @@ def values_given(values: ArrayLike) -> NDArray[np.float64]:
         raise ValueError(f"values[{i}]: must not be nan, which has no colour; leave it out, or give colors instead")
     check_rule("values", ANY, given)
     return given
-
-
-def _rising(clim: ArrayLike) -> tuple[float, float]:
-    """Raises ValueError if these are not two rising numbers."""
-    low, high = checked("clim", ANY, clim, (2,)).tolist()
-    if low > high:
-        raise ValueError(f"clim: must be two rising numbers, got {low:g}, {high:g}")
-    return low, high
 
 
 def _scaled(
@@ -230,16 +224,11 @@ def _named(name: str) -> Any:
             return maps[name]
     if "cmap" in packages:
         try:
-            return _truncating(importlib.import_module("cmap").Colormap(name))
+            table = np.asarray(importlib.import_module("cmap").Colormap(name).lut(256))
+            return map_of((table * 255).astype(np.uint8))  # cut to whole ones, as matplotlib's bytes are
         except ValueError:
             pass
     raise ValueError(f"cmap: must be the name of a colour map of {' or '.join(packages)}, got {described(name)}")
-
-
-def _truncating(colormap: Any) -> Map:
-    """A map of the package cmap with matplotlib's bytes, which are its numbers times 255, cut to whole ones."""
-    table = (np.asarray(colormap.lut(256)) * 255).astype(np.uint8)
-    return map_of(table)
 
 
 def colors_given(

@@ -245,26 +245,6 @@ def _check_length(name: str, starts: Floats, ends: Floats) -> None:
         raise ValueError(f"{name}[{same[0]}]: must not be the start")
 
 
-def materials_of(count: int, colors: ArrayLike | None, material: Material | None) -> tuple[NDArray[np.void], bool]:
-    """The materials of cylinders, colours as they were given: one for all, or one for each, or two for each in turn.
-
-    The second answer is whether there are two. Raises ValueError and TypeError, which name the argument and the index.
-    """
-    base = Material() if material is None else material
-    if not isinstance(base, Material):
-        raise TypeError(f"material: must be a cltrace.Material, got {described(material)}")
-    if base.texture is not None:
-        raise ValueError("material: must have no texture")
-    one, _ = records([base])
-    if colors is None:
-        return one, False
-    shown = colors_of("colors", count, colors)
-    rows = shown.reshape(-1, 3)
-    made = np.repeat(one, len(rows))
-    made["color"] = rows
-    return made, shown.ndim == 3
-
-
 def colors_of(name: str, count: int, colors: ArrayLike) -> NDArray[Any]:
     """(3,), (count, 3) or, for both halves of each, (count, 2, 3). Raises ValueError, which names them."""
     shown = np.asarray(color_numbers(name, colors))
@@ -275,15 +255,15 @@ def colors_of(name: str, count: int, colors: ArrayLike) -> NDArray[Any]:
     return shown
 
 
-def linear(materials: NDArray[np.void], transfer: Transfer) -> NDArray[np.void]:
-    """The same with linear colours."""
-    out = materials.copy()
-    out["color"] = decoded(materials["color"], transfer)
-    return out
-
-
-def cylinders_of(starts: ArrayLike, ends: ArrayLike, radius: ArrayLike) -> NDArray[np.void]:
-    """Checked CYLINDER records, (n,), without materials and numbers. The arguments are Scene.with_cylinders()'s."""
+def cylinders_of(
+    starts: ArrayLike,
+    ends: ArrayLike,
+    radius: ArrayLike,
+    colors: ArrayLike | None,
+    material: Material | None,
+    transfer: Transfer,
+) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    """CYLINDER records without numbers, and their own MATERIAL records. The arguments are Scene.with_cylinders()'s."""
     first, last = (checked(name, ANY, value, (-1, 3)) for name, value in (("starts", starts), ("ends", ends)))
     if len(first) != len(last):
         raise ValueError(f"ends: must be as many as starts, {len(first)}, got {len(last)}")
@@ -291,16 +271,23 @@ def cylinders_of(starts: ArrayLike, ends: ArrayLike, radius: ArrayLike) -> NDArr
     _check_length("ends", first, last)
     out = np.zeros(len(first), CYLINDER)
     out["start"], out["end"], out["radius"] = first, last, sizes
-    return out
-
-
-def halved(cylinders: NDArray[np.void]) -> NDArray[np.void]:
-    """Each one as two, (2 n,), in turn, which meet in the middle."""
-    middle = cylinders["start"] / 2 + cylinders["end"] / 2
-    out = np.repeat(cylinders, 2)
-    out["end"][::2] = middle
-    out["start"][1::2] = middle
-    return out
+    base = Material() if material is None else material
+    if not isinstance(base, Material):
+        raise TypeError(f"material: must be a cltrace.Material, got {described(material)}")
+    if base.texture is not None:
+        raise ValueError("material: must have no texture")
+    kinds, _ = records([base])
+    if colors is not None:
+        shown = colors_of("colors", len(out), colors)
+        kinds = np.repeat(kinds, shown.size // 3)
+        kinds["color"] = shown.reshape(-1, 3)
+        if shown.ndim == 3:  # of both halves, which meet in the middle
+            middle = out["start"] / 2 + out["end"] / 2
+            out = np.repeat(out, 2)
+            out["end"][::2] = out["start"][1::2] = middle
+    kinds["color"] = decoded(kinds["color"], transfer)
+    out["material"] = np.arange(len(out)) if len(kinds) == len(out) else 0
+    return out, kinds
 
 
 def bonds_of(

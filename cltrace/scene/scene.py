@@ -22,7 +22,7 @@ from cltrace.scene.camera import AnyCamera, Camera, Orthographic
 from cltrace.scene.clipping import Planes, clipped
 from cltrace.scene.colormaps import Scale, colors_given
 from cltrace.scene.colors import Transfer, background_of, check_transfer, decoded
-from cltrace.scene.cylinders import Bonds, Cylinders, bonds_of, cylinders_of, halved, linear, materials_of
+from cltrace.scene.cylinders import Bonds, Cylinders, bonds_of, cylinders_of
 from cltrace.scene.lights import check_lights, check_setting, joined, lamps_of, setting
 from cltrace.scene.materials import (
     COEFFICIENTS,
@@ -444,17 +444,14 @@ class Scene(Frozen):
 
         Raises ValueError, which names the argument and the index, and TypeError if material is none.
         """
-        made = cylinders_of(starts, ends, radius)
-        kinds, two = materials_of(len(made), colors, material)
-        made = halved(made) if two else made
-        made["material"] = np.arange(len(made)) if len(kinds) == len(made) else 0
+        made, kinds = cylinders_of(starts, ends, radius, colors, material, self.transfer)
         made["material"] += self.columns.materials_count
         made["unclipped"] = not clipped
         found = np.concatenate([self.cylinders, made])
         found["number"][len(self.cylinders) :] = sum(map(len, self.shapes)) + np.arange(len(made))
         if len(found) > MAX_CYLINDERS:
             raise ValueError(f"cylinders: must be at most {MAX_CYLINDERS}, got {len(found)}")
-        return self.with_fields(columns=self.columns.with_more(linear(kinds, self.transfer)), cylinders=found)
+        return self.with_fields(columns=self.columns.with_more(kinds), cylinders=found)
 
     def clipped(self, point: ArrayLike, normal: ArrayLike, cap_color: ArrayLike | None = None) -> Scene:
         """Clip the scene by a plane, so that one sees what is inside.
