@@ -18,16 +18,12 @@ import pyopencl as cl
 from cltrace.base.errors import DeviceError, OutOfMemoryError
 from cltrace.base.limits import MAX_ROWS
 
-# By the package of pip that brings it, or a name that pip has not.
-WAYS = {
-    "pocl-binary-distribution": "pip install pocl-binary-distribution        a CPU driver, Linux on x86-64",
-    "intel-opencl-rt": """pip install intel-opencl-rt intel-cmplr-lib-rt
-                                                Intel's CPU driver, for AMD's CPUs, too; Linux on x86-64, faster""",
-    "(apt)": "apt-get install pocl-opencl-icd             PoCL for Debian and Ubuntu, newer and faster",
-    "(conda)": "conda install -c conda-forge pocl           Linux and macOS",
-}
 ADVICE = """Ways to get an OpenCL driver:
-{ways}
+    pip install pocl-binary-distribution        a CPU driver, Linux on x86-64
+    pip install intel-opencl-rt intel-cmplr-lib-rt
+                                                Intel's CPU driver, for AMD's CPUs, too; Linux on x86-64, faster
+    apt-get install pocl-opencl-icd             PoCL for Debian and Ubuntu, newer and faster
+    conda install -c conda-forge pocl           Linux and macOS
 A GPU's driver brings its own. Drivers are looked for in {where};
 OCL_ICD_VENDORS=FOLDER names another folder, OCL_ICD_DEBUG=7 shows the search. A driver that was installed with pip is
 found beside pyopencl. PoCL shows no device where it cannot write its kernel cache: POCL_CACHE_DIR names a folder."""
@@ -229,18 +225,8 @@ def choose(spec: str | None = None) -> Device:
 
 
 def where_drivers_are() -> str:
-    """Advice for a machine without a driver: what is not installed yet, and where drivers are looked for."""
+    """Advice for a machine without a driver: what can be installed, and where drivers are looked for."""
     named = os.environ.get("OCL_ICD_VENDORS")
     if named and not Path(named).exists():
         return f"OCL_ICD_VENDORS is {named}, which does not exist. No driver is found then, wherever it is: unset it."
-    ways = "\n".join(f"    {way}" for package, way in WAYS.items() if not _is_installed(package))
-    return ADVICE.format(ways=ways, where=named or "/etc/OpenCL/vendors")
-
-
-def _is_installed(package: str) -> bool:
-    from importlib import metadata
-
-    try:
-        return bool(metadata.version(package))
-    except metadata.PackageNotFoundError:
-        return False
+    return ADVICE.format(where=named or "/etc/OpenCL/vendors")

@@ -14,8 +14,8 @@ import pytest
 
 import cltrace
 from cltrace.cli import doctor
-from cltrace.run import caches, devices
-from cltrace.run.devices import Device, where_drivers_are
+from cltrace.run import caches
+from cltrace.run.devices import Device
 
 
 def report(spec: str | None = None) -> tuple[int, list[str]]:
@@ -131,13 +131,6 @@ def test_a_folder_of_drivers_that_does_not_exist(monkeypatch: pytest.MonkeyPatch
         "devices    no OpenCL device found",
         f"OCL_ICD_VENDORS is {nowhere}, which does not exist. No driver is found then, wherever it is: unset it.",
     ]
-
-
-@pytest.mark.parametrize("there", [False, True])
-def test_what_is_installed_is_not_advised(there: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(devices, "_is_installed", lambda package: there and package == "pocl-binary-distribution")
-    assert ("pip install pocl-binary-distribution" in where_drivers_are()) is not there
-    assert "pip install intel-opencl-rt intel-cmplr-lib-rt" in where_drivers_are()
 
 
 def test_broken_icd_files(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
