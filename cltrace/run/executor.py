@@ -328,7 +328,7 @@ class Executor:
     def draw(
         self, frame: FrameBuffers, drawn: Callable[[int], object] = lambda rows: None, until: float | None = None
     ) -> None:
-        """Renders the region, in strips, and in each pass the same ones.
+        """Renders the region, in strips, in each pass.
 
         A strip that takes too long makes the next one smaller, and one that takes little time makes it larger. The next
         frame begins with the size that was found. drawn: called with how many rows a strip had, in the last pass, and
@@ -336,13 +336,9 @@ class Executor:
         which that happened, and TooSlowError after `until`, which None has be the deadline of now.
         """
         self.until = deadline() if until is None else until
-        strips: Iterable[range] = self._strips(frame)
         for number, part in enumerate(self._passes()):
-            told = drawn if number == len(self.further) else lambda rows: drawn(0)
-            strips = part._draw(frame, strips, told)
+            part._draw(frame, drawn if number == len(self.further) else lambda rows: drawn(0))
             del part  # The next one has room in its place.
-            if not strips:
-                return
 
     def _passes(self) -> Iterator[Executor]:
         """This one, and those that follow it, each of which is made when it is asked for, and not kept."""
@@ -369,26 +365,24 @@ class Executor:
             yield rows[:size]
             rows = rows[size:]
 
-    def _draw(self, frame: FrameBuffers, strips: Iterable[range], drawn: Callable[[int], object]) -> list[range]:
-        """Renders these strips in one pass, and returns them."""
+    def _draw(self, frame: FrameBuffers, drawn: Callable[[int], object]) -> None:
+        """Renders the strips of one pass."""
         if self.unstoppable:
             self.unstoppable.find(self.queue, self.buffers)
         (x, y), (x0, y0, width, height) = self._margin, self.region
-        region, done = (x0 - x, y0 - y, width + x, height + y), []
+        region = (x0 - x, y0 - y, width + x, height + y)
         frame.exponent = self.plan.exponent
         self.last.begin(self.queue)
         with interruptible(self.last.stop, self._advice, self._is_late) as begin:
-            for strip in strips:
+            for strip in self._strips(frame):
                 count = (frame.height if strip.stop == region[3] else strip.stop) - strip.start
                 begin()
                 seconds = self._seconds_of(partial(self._render, frame, region, strip.start, count), drawn)
                 self._check_overgrown()
                 drawn(len(strip))
-                done.append(strip)
                 if self.unstoppable:
                     self.unstoppable.drawn(len(strip) * width)
                 self.pace.took(seconds, count == self.pace.rows, self._lines)
-        return done
 
     def stop(self) -> None:
         """Has a draw() of another thread call its `drawn` soon; if there is none, the next one."""
