@@ -363,11 +363,8 @@ class Renderer:
         Raises ValueError as Scene.from_spheres does, and DeviceError and BuildError as Renderer does. Nothing is
         changed then.
         """
+        given = {name: value for name, value in locals().items() if name != "self" and value is not None}
         check_process()
-        places = {"centers": centers, "radii": radii, "ka": ka, "kd": kd, "ks": ks}
-        places |= {"colors": colors, "values": values, "cmap": cmap, "clim": clim, "norm": norm}
-        others = {"exponent": exponent, "reflectance": reflectance, "transmittance": transmittance, "index": index}
-        given = {name: value for name, value in (places | others).items() if value is not None}
         with self._lock:
             start, now = time.perf_counter(), self._now
             other = now.derived(with_spheres(now.scene, given), now.request, start)
