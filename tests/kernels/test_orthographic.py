@@ -39,7 +39,6 @@ def test_explanations(device: Device) -> None:
         assert (ray.hit.t if ray.hit else np.inf) == pytest.approx(image.depth[y, x])
         assert "H = 4.3, the height of what the picture shows" in str(found)
         assert "o = position + x_i x + y_i y = (" in str(found)
-        assert all(0 < test.gap < 1 for test in ray.missed)
     assert '"height": 4.3' in cltrace.explain(scene, 3, 4).to_json()
 
 
