@@ -12,24 +12,7 @@ from readme import FILES, ROOT, blocks, commands, outputs
 
 import cltrace
 from cltrace import cli
-from cltrace.base.limits import (
-    INSTANCES,
-    MAX_BOUNCES,
-    MAX_CYLINDERS,
-    MAX_LIGHTS,
-    MAX_MESHES,
-    MAX_PIXELS,
-    MAX_SIDE,
-    MAX_SPHERES,
-    MAX_STEPS,
-    MAX_TEXELS,
-    MAX_TRIANGLES,
-    MAX_UNREADABLE,
-    MAX_VERTICES,
-    MESH_BYTES,
-    SCENE_BYTES,
-    TEXTURE_BYTES,
-)
+from cltrace.base import limits
 from cltrace.bench import cli as bench
 from cltrace.formats import surfaces
 from cltrace.students.check import DEFAULT_PIXELS, DEFAULT_TESTS
@@ -58,29 +41,30 @@ def test_files_and_options_exist(file: Path) -> None:
 def test_limits_and_names_are_those_of_the_code() -> None:
     texts = {file.name: " ".join(file.read_text("utf-8").split()) for file in FILES}
     for name in ("README.md", "python.md"):
-        assert f"{MAX_LIGHTS:,} " in texts[name]
+        assert f"{limits.MAX_LIGHTS:,} " in texts[name]
     for name in ("command.md", "python.md"):
-        assert f"{MAX_SIDE:,} pixels a side and 2^{MAX_PIXELS.bit_length() - 1} " in texts[name]
-    assert f"2^{MAX_SPHERES.bit_length() - 1} ({MAX_SPHERES // 10**6} million) spheres" in texts["python.md"]
-    assert MAX_TRIANGLES == MAX_VERTICES
+        assert f"{limits.MAX_SIDE:,} pixels a side and 2^{limits.MAX_PIXELS.bit_length() - 1} " in texts[name]
+    spheres = f"2^{limits.MAX_SPHERES.bit_length() - 1} ({limits.MAX_SPHERES // 10**6} million)"
+    assert f"{spheres} spheres" in texts["python.md"]
+    assert limits.MAX_TRIANGLES == limits.MAX_VERTICES
     for row in (
-        f"a scene's file, a texture's | {SCENE_BYTES // 2**30} GiB",
-        f"a mesh's file | {MESH_BYTES // 2**30} GiB",
-        f"steps of a transform | {MAX_STEPS:,}",
-        f"lights | {MAX_LIGHTS:,}",
-        f"spheres | 2^{MAX_SPHERES.bit_length() - 1} ({MAX_SPHERES // 10**6} million)",
-        f"meshes | {MAX_MESHES:,}",
-        f"cylinders | 2^{MAX_CYLINDERS.bit_length() - 1}",
-        f"triangles and vertices of all meshes | 2^{MAX_TRIANGLES.bit_length() - 1} each",
-        f"triangles of meshes whose files are named again | 2^{INSTANCES.bit_length() - 1}",
-        f"pixels of all textures | 2^{MAX_TEXELS.bit_length() - 1}",
-        f"`max_bounces` | {MAX_BOUNCES}",
-        f"pixels a side | {MAX_SIDE:,}",
-        f"pixels of a picture | 2^{MAX_PIXELS.bit_length() - 1}",
+        f"a scene's file, a texture's | {limits.SCENE_BYTES // 2**30} GiB",
+        f"a mesh's file | {limits.MESH_BYTES // 2**30} GiB",
+        f"steps of a transform | {limits.MAX_STEPS:,}",
+        f"lights | {limits.MAX_LIGHTS:,}",
+        f"spheres | {spheres}",
+        f"meshes | {limits.MAX_MESHES:,}",
+        f"cylinders | 2^{limits.MAX_CYLINDERS.bit_length() - 1}",
+        f"triangles and vertices of all meshes | 2^{limits.MAX_TRIANGLES.bit_length() - 1} each",
+        f"triangles of meshes whose files are named again | 2^{limits.INSTANCES.bit_length() - 1}",
+        f"pixels of all textures | 2^{limits.MAX_TEXELS.bit_length() - 1}",
+        f"`max_bounces` | {limits.MAX_BOUNCES}",
+        f"pixels a side | {limits.MAX_SIDE:,}",
+        f"pixels of a picture | 2^{limits.MAX_PIXELS.bit_length() - 1}",
     ):
         assert f"| {row} |" in texts["format.md"]
-    assert SCENE_BYTES == TEXTURE_BYTES
-    assert f"after {MAX_UNREADABLE:,} that cannot be read" in texts["format.md"]
+    assert limits.SCENE_BYTES == limits.TEXTURE_BYTES
+    assert f"after {limits.MAX_UNREADABLE:,} that cannot be read" in texts["format.md"]
     assert f"{1 / surfaces.MAX_SIZE:.2g}..{surfaces.MAX_SIZE:.2g}".replace("e+", "e") in texts["format.md"]
     assert f"{DEFAULT_PIXELS:,} pixels, but no more than {DEFAULT_TESTS:,} divided" in texts["command.md"]
 

@@ -82,16 +82,6 @@ def test_stdout_quiet_and_options(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [tmp_path / "x.png"]
 
 
-@pytest.mark.parametrize(
-    "show", ["normal", *(pytest.param(name, marks=pytest.mark.slow) for name in ("direction", "depth", "id", "uv"))]
-)
-def test_show(tmp_path: Path, show: str) -> None:
-    got = pixels(call(FIRST, "-o", "-", "--show", show, cwd=tmp_path).stdout)
-    image = cltrace.render(cltrace.load(FIRST), outputs=(show,))
-    assert np.array_equal(got, image.as_rgb8(show))
-    assert len(np.unique(got.reshape(-1, 3), axis=0)) > 3
-
-
 def test_stats_json_is_one_object_on_stdout(tmp_path: Path) -> None:
     done = call(FIRST, "--stats=json", "--repeat", 3, cwd=tmp_path)
     stats = json.loads(done.stdout)

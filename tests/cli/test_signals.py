@@ -117,14 +117,6 @@ def test_a_signal_ends_a_program(tmp_path: Path, text: str, status: int | None, 
     assert (done.returncode, done.stdout, done.stderr) == (status or 128 + getattr(signal, name), out, told)
 
 
-@pytest.mark.parametrize("error", ["ImportError('x.so: failed to map segment\\n')", "MemoryError()"])
-def test_what_cannot_be_loaded_is_told(tmp_path: Path, error: str) -> None:
-    """As where there is less memory than the libraries take."""
-    done = program(tmp_path, f"raise {error}")
-    words = "x.so: failed to map segment" if "map" in error else "not enough memory"
-    assert (done.returncode, done.stderr.decode()) == (2, f"a_program: cannot be loaded: {words}\n")
-
-
 def test_the_handlers_of_a_caller_are_given_back() -> None:
     from cltrace.process.console import command
 
@@ -133,24 +125,30 @@ def test_the_handlers_of_a_caller_are_given_back() -> None:
     assert [signal.getsignal(getattr(signal, name)) for name in SIGNALS] == before
 
 
-def test_the_end_of_a_program(tmp_path: Path) -> None:
-    """What --help prints is written before it, and a fault of the program keeps its traceback."""
-    done = program(tmp_path, "def main():\n    print('help')\n    raise SystemExit(0)\n")
-    assert (done.returncode, done.stdout) == (0, b"help\n")
-    done = program(tmp_path, "def main():\n    return 1 / 0\n")
-    assert done.returncode == 1
-    assert done.stderr.endswith(b"ZeroDivisionError: division by zero\n")
+@pytest.mark.parametrize(
+    ("module", "status", "out", "err"),
+    [
+        # As where there is less memory than the libraries take.
+        ("raise ImportError('x.so: failed to map')", 2, "", "a_program: cannot be loaded: x.so: failed to map\n"),
+        ("raise MemoryError()", 2, "", "a_program: cannot be loaded: not enough memory\n"),
+        # What --help prints is written before it, and a fault of the program keeps its traceback.
+        ("def main():\n    print('help')\n    raise SystemExit(0)\n", 0, "help\n", ""),
+        ("def main():\n    return 1 / 0\n", 1, "", "ZeroDivisionError: division by zero\n"),
+    ],
+)
+def test_the_end_of_a_program(tmp_path: Path, module: str, status: int, out: str, err: str) -> None:
+    done = program(tmp_path, module)
+    assert (done.returncode, done.stdout.decode()) == (status, out)
+    assert done.stderr.decode().endswith(err)
 
 
 def test_a_signal_is_heard_while_a_driver_compiles() -> None:
     """It was heard when the driver came back, which took up to 14 seconds."""
-    ended = []
+    ended = threading.Event()
 
     def compile_() -> None:
-        try:
-            hashlib.pbkdf2_hmac("sha256", b"", b"", 5_000_000)  # as busy, and as deaf
-        finally:
-            ended.append(True)
+        hashlib.pbkdf2_hmac("sha256", b"", b"", 5_000_000)  # as busy, and as deaf
+        ended.set()
 
     # A shell starts what is in the background with this signal ignored.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -160,7 +158,7 @@ def test_a_signal_is_heard_while_a_driver_compiles() -> None:
             aside(compile_)
     finally:
         signal.signal(signal.SIGINT, before)
-    assert not ended
+    assert not ended.is_set()
     assert aside(lambda: 3) == 3
     with pytest.raises(ZeroDivisionError):
         aside(lambda: 1 // 0)
