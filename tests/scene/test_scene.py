@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import pickle
 from array import array
 from collections.abc import Iterator
 from dataclasses import fields, replace
@@ -44,13 +43,8 @@ def test_colors_that_are_no_bytes() -> None:
     for colors in ((1, 0, 1), (2.5, 1, 0), (1000, 0, 0), np.ones((2, 3), np.uint8)):
         assert np.array_equal(build(colors=colors).materials["color"], np.atleast_2d(colors))
     assert build(background=(2.0, 0, 0)).background == (2, 0, 0)
-
-
-def test_a_light_may_be_brighter_than_1() -> None:
-    """Whole floats are brightnesses; whole numbers above 255 are no bytes."""
     assert cltrace.point_light((0, 0, 0), (255.0, 2.0, 0.0))["color"].tolist() == [[255, 2, 0]]
     assert cltrace.point_light((0, 0, 0), (1000, 0, 0))["color"].tolist() == [[1000, 0, 0]]
-    assert cltrace.point_light((0, 0, 0), (1, 0, 1))["color"].tolist() == [[1, 0, 1]]
 
 
 def test_unlit_sides_are_seen_and_lit_ones_have_their_colour() -> None:
@@ -76,13 +70,6 @@ def test_vectors_are_whatever_numpy_takes() -> None:
     assert scene.background == (0.5, 0.5, 0.5)
     again = Scene(camera, [light, light], scene.spheres, scene.materials)
     assert again.lights.shape == (2,)
-
-
-def test_pixels_are_square_unless_told_otherwise() -> None:
-    x, y = Camera(resolution=(64, 48)).image_plane()
-    assert y / x == pytest.approx(48 / 64, abs=1e-15)
-    x, y = Camera(resolution=(64, 48), square_pixels=False).half_angles()
-    assert (x, y) == (45, 45 * 48 / 64)
 
 
 def test_scene_is_immutable_and_a_copy() -> None:
@@ -167,14 +154,6 @@ def test_a_map_that_keeps_spheres_round_leaves_spheres() -> None:
     scene = build(transform=[np.eye(3), np.diag([3, 3, 4])])
     assert scene.spheres["to_object"].tolist() == [-1, 0]
     assert scene.spheres["radius"].tolist() == [0.5, 0.5]
-
-
-def test_pickle() -> None:
-    scene = build(transform=np.diag([1, 2, 3]))
-    again = pickle.loads(pickle.dumps(scene))
-    assert again.camera == scene.camera
-    for name in ("spheres", "materials", "lights", "to_object"):
-        assert np.array_equal(getattr(again, name), getattr(scene, name))
 
 
 def test_one_material_is_shared_and_a_million_spheres_are_arrays() -> None:
