@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import weakref
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -42,10 +43,11 @@ class Hits:
     rounding t first, and right to a few ulp of the surface's size.
     """
 
-    def __init__(self, surfaces: Surfaces, item: Ids, o: Floats, d: Floats, t: Floats) -> None:
-        self.t, self._surfaces, self._item, self._o, self._d = t, surfaces, item, o, d
-        self.id = np.append(surfaces.kinds.surface, -1)[item].astype(np.int32)
-        self.primitive = np.append(surfaces.kinds.primitive, -1)[item].astype(np.int32)
+    def __init__(
+        self, t: Floats, id: NDArray[np.int32], primitive: NDArray[np.int32], spots: Callable[[bool], Spots | FirstHits]
+    ) -> None:
+        """spots: makes points and normals, and uv where that is asked for."""
+        self.t, self.id, self.primitive, self._spots = t, id, primitive, spots
 
     def __len__(self) -> int:
         return len(self.t)
@@ -53,51 +55,28 @@ class Hits:
     def __repr__(self) -> str:
         return f"<cltrace.Hits: {np.count_nonzero(self.id >= 0)} of {len(self)} rays>"
 
-    def _spots(self, with_uv: bool) -> Spots:
-        kinds, rays = self._surfaces.kinds, Rays.of(self._o, self._d, self.t)
-        return spots_of(kinds.kinds, kinds.first, self._surfaces.meshes, self._item, rays, with_uv)
-
     @cached_property
-    def _points(self) -> tuple[Floats, Floats]:
-        return self._spots(with_uv=False)[:2]
+    def _points(self) -> Spots | FirstHits:
+        return self._spots(False)
 
     @property
     def point(self) -> Floats:
-        return self._points[0]
+        return self._points.point
 
     @property
     def normal(self) -> Floats:
-        return self._points[1]
+        return self._points.normal
 
     @cached_property
     def uv(self) -> Floats:
-        return self._spots(with_uv=True).uv
-
-
-class ClippedHits(Hits):
-    """The same of a scene that planes clip."""
-
-    def __init__(self, met: FirstHits) -> None:
-        self.t, self.id, self.primitive, self._met = met.t, met.id, met.primitive, met
-
-    @property
-    def point(self) -> Floats:
-        return self._met.point
-
-    @property
-    def normal(self) -> Floats:
-        return self._met.normal
-
-    @property
-    def uv(self) -> Floats:
-        return self._met.uv
+        return self._spots(True).uv
 
 
 class Surfaces:
     """The surfaces of a scene: for the exact engine, and on a device once many rays ask for them."""
 
     def __init__(self, scene: Scene) -> None:
-        self.kinds, self.meshes = kinds_of(scene), scene.meshes
+        self.kinds = kinds_of(scene)
         self._lock = threading.Lock()
         self._tracer: RayTracer | None = None
         self._asked = False
@@ -206,7 +185,14 @@ def trace_rays(
         raise TypeError(f"scene: must be a cltrace.Scene, such as cltrace.load() gives, got {described(scene)}")
     o, d, low, high = checked_rays(origins, directions, t_min, t_max)
     if len(scene.planes):
-        return ClippedHits(first_hits(scene, o, d, low, high))
+        met = first_hits(scene, o, d, low, high)
+        return Hits(met.t, met.id, met.primitive, lambda with_uv: met)
     surfaces = surfaces_of(scene)
     item, t = surfaces.first_hits(scene, o, d, low, high)
-    return Hits(surfaces, item, o, d, t)
+    kinds = surfaces.kinds
+    id_, primitive = (np.append(numbers, -1)[item].astype(np.int32) for numbers in (kinds.surface, kinds.primitive))
+
+    def spots(with_uv: bool) -> Spots:
+        return spots_of(kinds.kinds, kinds.first, scene.meshes, item, Rays.of(o, d, t), with_uv)
+
+    return Hits(t, id_, primitive, spots)
