@@ -1,4 +1,4 @@
-"""The figures: time against error, antialiasing, growth. Only this has matplotlib."""
+"""The figures: time against error, antialiasing, growth, for light and for dark pages. Only this has matplotlib."""
 
 from __future__ import annotations
 
@@ -21,13 +21,11 @@ from .measure import Point, Results, Spread, sentence
 from .report import by_group, by_label, complete, mean_time, percent, worst_share
 from .scenes import GROWTH_PIXELS, GROWTH_SPHERES
 
-STYLE: dict[Any, Any] = {
-    **{"figure.dpi": 120, "font.size": 11, "axes.titlesize": 12, "grid.color": "#d5d9de"},
-    **{"axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True},
-}
+# By what their files' names end in: ink, fine lines, paper.
+SCHEMES = {"": ("#1f2328", "#d5d9de", "#ffffff"), "-dark": ("#d6dde5", "#30363d", "#0d1117")}
 GREY = "#8a8f98"
-# Colour, mark and text of each tracer. The palette is that of Okabe and Ito, which colour-blind people can tell apart;
-# what is not cltrace has marks of its own, too.
+# Colour, mark and text of each tracer. The palette is that of Okabe and Ito, which colour-blind people can tell apart,
+# and what can be seen on both papers; what is not cltrace has marks of its own, too.
 LOOKS = {
     "accurate": ("#2f81d1", "o", "cltrace, accurate"),
     "double": ("#009E73", "o", "cltrace, double"),
@@ -45,25 +43,35 @@ FRAME = "time of a frame (ms)"
 
 
 def save(results: Results, folder: Path) -> list[str]:
-    """Writes the figures for which there is something. Returns the files' names."""
-    about, found = {"Description": sentence(results.about), "Software": None}, figures(results)
-    for name, figure in found.items():
-        with whole_file(folder / f"{name}.png") as file:
-            figure.savefig(file, format="png", metadata=about)
-    return [f"{name}.png" for name in found]
+    """Writes the figures for which there is something, in both schemes. Returns the files' names."""
+    names = []
+    for scheme in SCHEMES:
+        for name, figure in figures(results, scheme).items():
+            names.append(f"{name}{scheme}.png")
+            with whole_file(folder / names[-1]) as file:
+                about = {"Description": sentence(results.about), "Software": None}
+                figure.savefig(file, format="png", metadata=about)
+    return names
 
 
-def figures(results: Results) -> dict[str, Figure]:
+def figures(results: Results, scheme: str = "") -> dict[str, Figure]:
     """Those for which there is something, by name."""
+    ink, fine, paper = SCHEMES[scheme]
+    style: dict[str, Any] = {
+        "figure.dpi": 120, "font.size": 11, "axes.titlesize": 12, "axes.spines.top": False,
+        "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True, "grid.color": fine, "text.color": ink,
+        "axes.labelcolor": ink, "axes.edgecolor": ink, "axes.titlecolor": ink, "xtick.color": ink, "ytick.color": ink,
+        "figure.facecolor": paper, "axes.facecolor": paper,
+    }  # fmt: skip
     points = [point for point in results.points if point.frames]
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context(style):  # type: ignore[arg-type]
         drawn = {
             "time-error": time_error([point for point in points if point.level is None], results),
             "antialiasing": antialiasing([point for point in points if point.level is not None], results),
             "growth": growth(points, results),
         }
         for figure in filter(None, drawn.values()):
-            figure.draw_without_rendering()  # ticks are made now, in this style
+            figure.draw_without_rendering()  # ticks are made now, in these colours
     return {name: figure for name, figure in drawn.items() if figure}
 
 

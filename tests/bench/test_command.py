@@ -92,7 +92,7 @@ def test_another_run_again(tmp_path: Path) -> None:
     """Tables and plots of results.json are made again."""
     assert cli.main(["--from", str(RESULTS), "-o", str(tmp_path)]) == 0
     assert (tmp_path / "results.json").read_bytes() == RESULTS.read_bytes()
-    kinds = {f"{name}.png" for name in ("time-error", "antialiasing", "growth")}
+    kinds = {f"{name}{scheme}.png" for name in ("time-error", "antialiasing", "growth") for scheme in ("", "-dark")}
     assert {path.name for path in tmp_path.iterdir()} == {"results.json", "table.md"} | kinds
 
 

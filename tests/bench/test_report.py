@@ -149,9 +149,10 @@ def test_the_page_says_what_its_results_say() -> None:
     page = (ROOT / report.PAGE).read_text("utf-8")
     assert report.block(published, now.work) in page
     for name in ("time-error", "antialiasing", "growth"):
-        assert f"({name}.png)" in page
-        with Image.open(ROOT / "docs" / f"{name}.png") as picture:
-            assert picture.info["Description"] == measure.sentence(published.about)
+        for scheme in ("", "-dark"):
+            assert f"{name}{scheme}.png" in page
+            with Image.open(ROOT / "docs" / f"{name}{scheme}.png") as picture:
+                assert picture.info["Description"] == measure.sentence(published.about)
 
 
 def test_figures_that_are_older_than_the_code_are_marked() -> None:
