@@ -143,6 +143,27 @@ class Flat:
 
 
 Surface = Ball | Rod | Flat
+Named = tuple[int, int, Surface]
+
+
+def surfaces_of(scene: Any) -> list[Named]:
+    """Number, primitive and the plain numbers of all surfaces of a scene, by rising numbers."""
+    found: list[Named] = []
+    for number, one in zip(scene.sphere_numbers.tolist(), scene.spheres, strict=True):
+        K = scene.to_object[one["to_object"]].tolist() if one["to_object"] >= 0 else None
+        found.append((number, -1, Ball(one["center"].tolist(), float(one["radius"]), K)))
+    for one in scene.cylinders:
+        found.append((int(one["number"]), -1, Rod(one["start"].tolist(), one["end"].tolist(), float(one["radius"]))))
+    for mesh in scene.meshes:
+        corners = mesh.vertices[mesh.geometry.faces].tolist()
+        found += [(mesh.number, i, Flat(three)) for i, three in enumerate(corners)]
+    return sorted(found, key=lambda one: one[:2])
+
+
+@mpmath.workdps(DIGITS)
+def in_world(scene: Any, d: Iterable[Any]) -> Vector:
+    """B^T d, which is not rounded, for the camera's axes B."""
+    return product(list(zip(*scene.camera.basis(), strict=True)), vector(d))
 
 
 @mpmath.workdps(DIGITS)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hostile import bounced_regimes, cylinder_regimes, mesh_regimes
 from hostile.sphere_regimes import REGIMES, camera_space, rays
-from rational_meshes import doubles_mesh
+from small_meshes import doubles_mesh
 from surface_rays import along, blocked, closest, on_spheres, on_triangles, to_light
 
 from cltrace import Camera, Mesh, Scene
@@ -19,35 +19,8 @@ from cltrace.oracle.scenes import kinds_of
 from cltrace.oracle.search import Kinds
 from cltrace.oracle.shapes import Spheres, Triangles
 
-Named = tuple[int, int, judge.Surface]
 
-
-def surfaces_of(scene: Scene) -> list[Named]:
-    """Number, primitive and the plain numbers of all surfaces, by rising numbers."""
-    found: list[Named] = []
-    for number, one in zip(scene.sphere_numbers.tolist(), scene.spheres, strict=True):
-        K = scene.to_object[one["to_object"]].tolist() if one["to_object"] >= 0 else None
-        found.append((number, -1, judge.Ball(one["center"].tolist(), float(one["radius"]), K)))
-    for one in scene.cylinders:
-        rod = judge.Rod(one["start"].tolist(), one["end"].tolist(), float(one["radius"]))
-        found.append((int(one["number"]), -1, rod))
-    for mesh in scene.meshes:
-        corners = mesh.vertices[mesh.geometry.faces].tolist()
-        found += [(mesh.number, i, judge.Flat(three)) for i, three in enumerate(corners)]
-    return sorted(found, key=lambda one: one[:2])
-
-
-def in_world(scene: Scene, d: np.ndarray) -> list[mpmath.mpf]:
-    """B^T d, which is not rounded."""
-    with mpmath.workdps(judge.DIGITS):
-        axes = [[mpmath.mpf(float(x)) for x in row] for row in scene.camera.basis()]
-        return [
-            sum((mpmath.mpf(float(e)) * row[i] for e, row in zip(d, axes, strict=True)), mpmath.mpf(0))
-            for i in range(3)
-        ]
-
-
-def agree(surfaces: list[Named], found: tuple[int, int, float], o: object, w: object, *ends: float) -> int:
+def agree(surfaces: list[judge.Named], found: tuple[int, int, float], o: object, w: object, *ends: float) -> int:
     """The number of what is met, after having compared what was found with what the judge says."""
     index, t = judge.first([one[2] for one in surfaces], o, w, *ends)  # type: ignore[arg-type]
     assert found[:2] == (surfaces[index][:2] if index >= 0 else (-1, -1))
@@ -62,7 +35,7 @@ def test_spheres_from_the_eye(name: str, regime: object) -> None:
         origin, centers, radii = camera_space(scene)
         d = rays(scene.camera)
         index, t = closest(origin, d, centers, radii)
-        balls: list[Named] = [(i, -1, judge.Ball(*one)) for i, one in enumerate(zip(centers, radii, strict=True))]
+        balls: list[judge.Named] = [(i, -1, judge.Ball(*one)) for i, one in enumerate(zip(centers, radii, strict=True))]
         for k in np.random.default_rng(seed).choice(len(d), 20, replace=False):
             agree(balls, (int(index[k]), -1, float(t[k])), origin, d[k])
 
@@ -72,7 +45,11 @@ def test_rays_and_shadows_from_spheres_and_ellipsoids(name: str) -> None:
     seen, count = set(), {False: 0, True: 0}
     for seed in range(3):
         scene = bounced_regimes.scene_of(name, seed)
-        leaving, spheres, surfaces = bounced_regimes.rays_of(scene, 15, seed), Spheres.of(scene), surfaces_of(scene)
+        leaving, spheres, surfaces = (
+            bounced_regimes.rays_of(scene, 15, seed),
+            Spheres.of(scene),
+            judge.surfaces_of(scene),
+        )
         kinds, paths = Kinds([spheres]), leaving.path(spheres)
         found = kinds.closest(paths)
         t = kinds.rounded(paths, found)
@@ -83,10 +60,12 @@ def test_rays_and_shadows_from_spheres_and_ellipsoids(name: str) -> None:
         for k, own in enumerate(leaving.own.tolist()):
             ball = surfaces[own][2]
             assert isinstance(ball, judge.Ball)
-            normal = in_world(scene, leaving.normal[k]) if ball.to_object is None else leaving.normal[k]
+            normal = judge.in_world(scene, leaving.normal[k]) if ball.to_object is None else leaving.normal[k]
             start = ball.point(normal)
             seen.add(
-                agree(surfaces, (int(found.item[k]), -1, float(t[k])), start, in_world(scene, leaving.direction[k]))
+                agree(
+                    surfaces, (int(found.item[k]), -1, float(t[k])), start, judge.in_world(scene, leaving.direction[k])
+                )
             )
             want = judge.between([one[2] for one in surfaces], start, light, parallel=bool(seed % 2))
             assert dark[k] == want
@@ -105,7 +84,7 @@ def test_rays_and_shadows_from_spheres_and_ellipsoids(name: str) -> None:
 def test_meshes_and_cylinders(regimes: Any, name: str, seeds: int) -> None:
     for seed in range(seeds):
         scene = regimes.scene_of(name, seed, (8, 8))
-        surfaces, eye, rng = surfaces_of(scene), scene.camera.position, np.random.default_rng(seed)
+        surfaces, eye, rng = judge.surfaces_of(scene), scene.camera.position, np.random.default_rng(seed)
         d = rays(scene.camera)[rng.choice(64, 4 if len(surfaces) < 200 else 1, replace=False)]
         d = d @ np.array(scene.camera.basis())
         found = closest_hit(scene, eye, d)
@@ -129,7 +108,7 @@ def test_whole_numbers(seed: int) -> None:
     """Any start, any range, all shapes together."""
     rng = np.random.default_rng(seed)
     scene = whole_scene(rng)
-    surfaces, seen = surfaces_of(scene), set()
+    surfaces, seen = judge.surfaces_of(scene), set()
     o, d = rng.integers(-5, 6, (60, 3)).astype(float), rng.integers(-2, 3, (60, 3)).astype(float)
     d[~d.any(axis=1)] = 1
     t_min, t_max = rng.choice([0, 0, -1, 0.5, 1, -np.inf], 60), rng.choice([np.inf, np.inf, 2, 3], 60)
@@ -154,7 +133,7 @@ def test_rays_and_lights_from_points_of_surfaces(seed: int) -> None:
     """From triangles, at their edges, too, and from spheres, towards corners and points of edges."""
     rng, count = np.random.default_rng(seed + 50), 12
     scene = double_scene(rng, 1e7 * (seed % 4 == 1)) if seed % 2 else whole_scene(rng)
-    flat, spheres, surfaces, kinds = Triangles.of(scene), Spheres.of(scene), surfaces_of(scene), kinds_of(scene)
+    flat, spheres, surfaces, kinds = Triangles.of(scene), Spheres.of(scene), judge.surfaces_of(scene), kinds_of(scene)
     own, corner = rng.integers(len(flat.faces), size=count), rng.integers(3, size=count)
     on_flat = on_triangles(flat, own, corner, rng.choice([0, 0.25, 0.5, 2.0**-64, 0.1], (count, 2)))
     ball, n = rng.integers(2, size=count), rng.choice([-2.0, 0, 1, 0.7], (count, 3)) + (0, 0, 0.25)
@@ -169,7 +148,7 @@ def test_rays_and_lights_from_points_of_surfaces(seed: int) -> None:
             else:
                 surface = surfaces[int(spheres.surface[ball[k]])][2]
                 assert isinstance(surface, judge.Ball)
-                places.append(surface.point(in_world(scene, n[k]) if surface.to_object is None else n[k]))
+                places.append(surface.point(judge.in_world(scene, n[k]) if surface.to_object is None else n[k]))
         d = (a + (b - a) * rng.choice([0, 0.5, 0.25], (count, 1))) - np.array([[float(x) for x in p] for p in places])
         d[~d.any(axis=1)] = 1
         paths = along(points, d, np.eye(3))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hostile.mesh_regimes import AROUND, CLOSED, REGIMES, scene_of
 from hostile.sphere_regimes import rays as camera_rays
-from rational_meshes import doubles_mesh
+from small_meshes import doubles_mesh
 from stress_cases import hits
 from surface_rays import along, blocked, from_eye, on_spheres, on_triangles, to_light, undecided
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from hostile.mesh_regimes import REGIMES, round_mesh, scene_of
 from hostile.sphere_regimes import rays as camera_rays
-from rational_meshes import doubles_mesh, grid_mesh
+from small_meshes import doubles_mesh, grid_mesh
 
 import cltrace
 from cltrace import Camera, Mesh, Scene, oracle

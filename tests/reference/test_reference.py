@@ -6,7 +6,6 @@ import dataclasses
 import math
 from collections.abc import Iterable
 from fractions import Fraction
-from unittest.mock import patch
 
 import exact_rays
 import numpy as np
@@ -17,7 +16,6 @@ from hostile import bounced_regimes
 
 import cltrace
 from cltrace import Camera, Scene
-from cltrace.exact.shapes import ExactSphere
 from cltrace.oracle.search import Kinds
 from cltrace.oracle.shapes import Spheres
 from cltrace.reference import (
@@ -35,7 +33,7 @@ from cltrace.reference import (
     refracted,
     world_of,
 )
-from cltrace.reference.spheres import Met, surely_blocks
+from cltrace.reference.spheres import surely_blocks
 from cltrace.reference.trace import cast_shadow_ray, closest_hit, primary_ray, trace
 
 AHEAD = Ray(EYE, Direction(0, 0, -1))
@@ -479,16 +477,6 @@ def test_without_a_difference_of_index_a_ray_goes_straight_on() -> None:
     assert refracted(Direction(0, 3, 0), UP, -1, 1.5) == Direction(0, 3, 0)
 
 
-def test_no_bounce_changes_the_length() -> None:
-    rng = np.random.default_rng(21)
-    d = Direction(0.3, -0.5, 0.7)
-    for k in range(100):
-        n = Direction(*rng.normal(size=3).tolist()).normalized()
-        side = -1 if n.dot(d) > 0 else 1
-        d = (refracted(d, n, side, 1.5) if k % 2 else None) or mirrored(d, n, side)
-    assert d.length() == pytest.approx(math.sqrt(0.83), rel=1e-13)
-
-
 def seen(*spheres: tuple[float, float, float, float], ray: Ray = AHEAD, bounces: int = 8, **options: object) -> float:
     """The red that a ray sees of spheres under one ambient light, which show ka times their red."""
     scene = scene_of(*spheres, lights=(cltrace.ambient_light((1, 1, 1)),), **options)
@@ -586,12 +574,6 @@ def unit(v: np.ndarray) -> np.ndarray:
     return np.asarray(v / np.linalg.norm(v))
 
 
-def with_doubt(surface: Sphere, ray: Ray) -> tuple[Met | None, bool]:
-    """Where a ray meets a surface, and whether the exact engine was asked."""
-    with patch.object(ExactSphere, "met_by", autospec=True, side_effect=ExactSphere.met_by) as asked:
-        return surface.meet(ray), asked.called
-
-
 # --------------------------------------------------------------------------------------------------------- ellipsoids
 
 
@@ -648,22 +630,6 @@ def test_the_mirror_of_an_ellipsoid_has_two_foci() -> None:
         assert at.distance + to.length() == pytest.approx(2 * far, rel=1e-14)
 
 
-def test_where_a_sphere_and_an_ellipsoid_touch_the_lowest_index_wins() -> None:
-    shapes = [np.eye(3), np.diag([0.3, 0.7, 1]), np.diag([3, 5, 2])]
-    for i in range(3):
-        balls = [(0, 0, -5, 1), (0, 0, -5, 1), (0, 0, -6, 1)]
-        world = ellipsoids(*np.roll(balls, i, axis=0).tolist(), transform=np.roll(shapes, i, axis=0))
-        at = closest_hit(world, AHEAD)
-        assert at is not None
-        assert (at.t, at.index) == (4, 0)
-        # Half an ulp of the radius decides that there is no tie.
-        balls[0] = (0, 0, -5, math.nextafter(1, 0))
-        world = ellipsoids(*np.roll(balls, i, axis=0).tolist(), transform=np.roll(shapes, i, axis=0))
-        at = closest_hit(world, AHEAD)
-        assert at is not None
-        assert at.index == (1 if i == 0 else 0)
-
-
 def test_light_on_an_ellipsoid_falls_by_its_normal() -> None:
     """A parallel light 60 degrees off the normal at a point where that is not the way to the centre."""
     world = ellipsoids((-1, 0, -5, 1), transform=np.diag([2, 1, 3]))
@@ -682,51 +648,6 @@ def test_light_on_an_ellipsoid_falls_by_its_normal() -> None:
         assert (trace(world, AHEAD)[0][0] > 0) is lit
 
 
-def test_any_range_of_a_ray_that_meets_an_ellipsoid() -> None:
-    """The exact equation of rays that begin later agrees with doubles about what they meet, and where."""
-    rng = np.random.default_rng(32)
-    for _ in range(100):
-        world = ellipsoids((0, 0, -5, 2), transform=turned(rng, 1, 0.5, 0.2))
-        d = Direction(*rng.uniform(-0.2, 0.2, 2).tolist(), -1.0)
-        at, later = (closest_hit(world, Ray(EYE, d, t_min)) for t_min in (0.0, 2.0**-60))
-        assert (at is None) == (later is None)
-        if at is None or later is None:
-            continue
-        assert at.t == pytest.approx(later.t, rel=1e-12)
-        assert tuple(at.normal) == pytest.approx(tuple(later.normal), abs=1e-12)
-        beyond = closest_hit(world, Ray(EYE, d, at.t + 1e-9 * at.t))
-        if beyond is not None:  # or the ray all but touches
-            assert beyond.inside
-            again = closest_hit(world, Ray(at.start, d))
-            assert again is not None
-            assert again.t == pytest.approx(beyond.t - at.t, rel=1e-8)
-            assert tuple(again.normal) == pytest.approx(tuple(beyond.normal), abs=1e-8)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", list(bounced_regimes.REGIMES))
-def test_doubles_are_sure_only_where_they_are_right(name: str) -> None:
-    """Rays from surfaces and from the eye: anywhere, along the surface, all but touching another one."""
-    sure = {None: 0, -1: 0, 0: 0, 1: 0}
-    for seed in range(6):
-        scene = bounced_regimes.scene_of(name, seed)
-        rays, world = bounced_regimes.rays_of(scene, 30, seed), world_of(scene)
-        for row, own in enumerate(rays.own.tolist()):
-            start = balls_of(world)[own].start(Direction(*rays.normal[row].tolist()))
-            ray = Ray(start if row % 4 else EYE, Direction(*rays.direction[row].tolist()))
-            for surface in balls_of(world):
-                met, asked = with_doubt(surface, ray)
-                root = surface.equation(ray).first(0.0, math.inf)
-                sure[None if asked else met.side if met else 0] += 1
-                assert (met.side if met else None) == (root.side if root else None)
-                if met and root:
-                    assert abs(met.t / float(root) - 1) < 2.0**-24
-                    at = surface.intersection_at(ray, met.t)
-                    assert at.start.on.length() == pytest.approx(1, abs=1e-14)
-                    assert at.normal.length() == pytest.approx(1, abs=1e-14)
-    assert min(sure[None], sure[0], sure[1] + sure[-1]) > 5
-
-
 @pytest.mark.parametrize(
     ("seeds", "count"), [(range(4), 60), pytest.param(range(40), 500, marks=pytest.mark.stress)], ids=["", "long"]
 )
@@ -740,7 +661,9 @@ def test_bounced_rays_are_those_of_the_oracle(name: str, seeds: range, count: in
             start = balls_of(world)[rays.own[row]].start(Direction(*rays.normal[row].tolist()))
             at = closest_hit(world, Ray(start, Direction(*rays.direction[row].tolist())))
             assert (at.index if at else -1) == found.item[row], (seed, row)
-            assert at is None or abs(at.t / found.t.h[row] - 1) < 2.0**-24, (seed, row)
+            if at:
+                assert abs(at.t / found.t.h[row] - 1) < 2.0**-24, (seed, row)
+                assert (at.start.on.length(), at.normal.length()) == pytest.approx((1, 1), abs=1e-14)
 
 
 def test_shadows_are_those_of_the_oracle() -> None:

@@ -5,23 +5,12 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
-from fractions import Fraction
 
+import judge
 import mpmath
 import numpy as np
 import pytest
-from rational_meshes import (
-    Vector,
-    corners_of,
-    doubles_mesh,
-    exactly,
-    grid_mesh,
-    in_world,
-    meets,
-    minus,
-    nearest,
-    triangle_point,
-)
+from small_meshes import doubles_mesh, grid_mesh
 
 from cltrace import Camera, Material, Mesh, Scene, ambient_light, parallel_light, point_light
 from cltrace.base import arithmetic
@@ -72,21 +61,25 @@ def own_of(start: Start) -> tuple[int, int]:
     return start.surface.number, start.surface.primitive
 
 
-def place_of(scene: Scene, start: Start) -> Vector:
+@mpmath.workdps(judge.DIGITS)
+def place_of(surfaces: list[judge.Named], start: Start) -> judge.Vector:
     """The point in the world, exactly."""
-    corners = next(c for n, i, c in corners_of(scene) if (n, i) == own_of(start))
-    return triangle_point(corners, *start.on)
+    corner, u, v = start.on
+    flat = next(one[2] for one in surfaces if one[:2] == own_of(start))
+    assert isinstance(flat, judge.Flat)
+    V, V1, V2 = (judge.vector(flat.corners[(corner + i) % 3]) for i in range(3))
+    return [p + u * (q - p) + v * (r - p) for p, q, r in zip(V, V1, V2, strict=True)]
 
 
-def compare(scene: Scene, world: World, ray: Ray, origin: Vector, own: tuple[int, int] | None = None) -> bool:
+def compare(
+    surfaces: list[judge.Named], world: World, ray: Ray, origin: judge.Vector, own: tuple[int, int] | None = None
+) -> bool:
     """Whether a ray meets something, after it has been seen to meet the right thing at the right t."""
-    want, got = nearest(scene, origin, in_world(scene, ray.direction), own), closest_hit(world, ray)
-    if want is None or got is None:
-        assert (want, got) == (None, None)
-        return False
-    assert (got.index, got.primitive) == want[1:]
-    assert abs(Fraction(got.t) - want[0]) <= want[0] * Fraction(2) ** -24
-    return True
+    others, got = [one for one in surfaces if one[:2] != own], closest_hit(world, ray)
+    index, t = judge.first([one[2] for one in others], origin, judge.in_world(world, ray.direction))
+    assert ((got.index, got.primitive) if got else (-1, -1)) == (others[index][:2] if index >= 0 else (-1, -1))
+    assert got is None or abs(got.t - t) <= t * 2.0**-24
+    return got is not None
 
 
 WAYS = [Direction(*map(float, d)) for d in itertools.product((-2, -1, 0, 1, 2), repeat=3) if any(d)]
@@ -99,11 +92,11 @@ def test_rays_among_whole_numbers(seed: int) -> None:
     eye = tuple(rng.integers(-3, 4, 3).astype(float) / rng.choice([1, 2]))
     camera = Camera(eye, (eye[0], eye[1], eye[2] - 1), resolution=(1, 1))
     scene = scene_of(grid_mesh(rng), grid_mesh(rng, 6), camera=camera)
-    world = world_of(scene)
+    world, surfaces = world_of(scene), judge.surfaces_of(scene)
     for i in rng.choice(len(WAYS), 30, replace=False):
-        compare(scene, world, Ray(EYE, WAYS[i]), exactly(eye))
+        compare(surfaces, world, Ray(EYE, WAYS[i]), eye)
         start = starts_of(world, rng)
-        compare(scene, world, Ray(start, WAYS[i]), place_of(scene, start), own_of(start))
+        compare(surfaces, world, Ray(start, WAYS[i]), place_of(surfaces, start), own_of(start))
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e7])
@@ -116,18 +109,17 @@ def test_rays_among_doubles(seed: int, offset: float) -> None:
     eye = vertices[8] + rng.normal(size=3)
     camera = Camera(tuple(eye), tuple(eye + rng.normal(size=3)), tuple(rng.normal(size=3)), resolution=(1, 1))
     scene = scene_of(mesh, camera=camera)
-    world, basis = world_of(scene), np.array(camera.basis())
-    met = 0
+    world, surfaces, basis, met = world_of(scene), judge.surfaces_of(scene), np.array(camera.basis()), 0
     for _ in range(40):
         a, b = vertices[rng.integers(len(vertices), size=2)]
         at = a + (b - a) * rng.choice([0, 0.5, rng.random()])
         start = starts_of(world, rng)
-        own, place = own_of(start), place_of(scene, start)
+        own, place = own_of(start), place_of(surfaces, start)
         d = Direction(*(basis @ (at - eye)).tolist())
-        met += compare(scene, world, Ray(EYE, d), exactly(eye))
+        met += compare(surfaces, world, Ray(EYE, d), eye)
         along = basis @ (at - np.array([float(x) for x in place]))
         if along.any():
-            compare(scene, world, Ray(start, Direction(*along.tolist())), place, own)
+            compare(surfaces, world, Ray(start, Direction(*along.tolist())), place, own)
     assert met > 10
 
 
@@ -157,21 +149,18 @@ PYTHAGORAS = [(3, 4, 0), (0, -3, 4), (1, 2, 2), (2, -1, 2), (-2, 3, 6), (0, 0, -
 def test_rays_from_spheres(seed: int) -> None:
     """Whose points are rational: triangles through them, and through what the ray aims at."""
     rng = np.random.default_rng(seed)
-    mesh = grid_mesh(rng)
     camera = Camera((0.5, 0.25, 8), (0.5, 0.25, 0), resolution=(1, 1))
-    center, radius = rng.integers(-2, 3, 3), float(rng.choice([5, 3, 7, 1]))
-    scene = Scene.from_spheres(camera, (), [center], [radius], meshes=[mesh])
-    world = world_of(scene)
-    sphere = ball_of(world)
-    others = world_of(Scene.from_meshes(camera, (), [mesh]))
+    flat, center, radius = (
+        scene_of(grid_mesh(rng), camera=camera),
+        rng.integers(-2, 3, 3),
+        float(rng.choice([5, 3, 7, 1])),
+    )
+    sphere = ball_of(world_of(Scene.from_spheres(camera, (), [center], [radius])))
+    world, surfaces = world_of(flat), judge.surfaces_of(flat)
     for n in PYTHAGORAS:
-        length = math.isqrt(sum(x * x for x in n))
-        place = exactly([Fraction(int(c)) + Fraction(int(radius) * x, length) for c, x in zip(center, n, strict=True)])
-        start = sphere.start(Direction(*n))
+        start, place = sphere.start(Direction(*n)), judge.Ball(center, radius).point(n)
         for i in rng.choice(len(WAYS), 6, replace=False):
-            want = nearest(scene_of(mesh, camera=camera), place, in_world(scene, WAYS[i]))
-            got = closest_hit(others, Ray(start, WAYS[i]))
-            assert (got.primitive if got else None) == (want[2] if want else None)
+            compare(surfaces, world, Ray(start, WAYS[i]), place)
 
 
 def numbers(point: ExactPoint) -> tuple[mpmath.mpf, mpmath.mpf, mpmath.mpf]:
@@ -428,36 +417,27 @@ def test_what_is_behind_a_light_or_touches_the_point_does_not_stop_it() -> None:
 def test_shadows_among_whole_numbers(seed: int) -> None:
     """At corners, along edges, in planes: from points of triangles and of spheres."""
     rng = np.random.default_rng(seed)
-    mesh = grid_mesh(rng)
     camera = Camera((0.5, 0.25, 8), (0.5, 0.25, 0), resolution=(1, 1))
-    center, radius = rng.integers(-2, 3, 3), 5.0
-    sites, ways = rng.integers(-3, 4, (4, 3)), rng.choice([-2, -1, 0, 1, 2], (4, 3))
+    center, sites, ways = rng.integers(-2, 3, 3), rng.integers(-3, 4, (4, 3)), rng.choice([-2, -1, 0, 1, 2], (4, 3))
     ways[~ways.any(axis=1)] = (0, 0, 1)
     lights = (*map(point_light, sites), *map(parallel_light, ways))
-    scene = Scene.from_spheres(camera, lights, [center], [radius], meshes=[mesh])
-    world = world_of(scene)
-    ball, triangles = ball_of(world), mesh_of(world)
-    blocked = 0
+    scene = Scene.from_spheres(camera, lights, [center], [5.0], meshes=[grid_mesh(rng)])
+    world, surfaces = world_of(scene), judge.surfaces_of(scene)[1:]
+    ball, mesh, blocked = ball_of(world), mesh_of(world), 0
     for k in range(12):
         n = PYTHAGORAS[k % 8]
-        corner, u, v = int(rng.integers(3)), *rng.choice([0, 0.25, 0.5], 2).tolist()
-        leaf = triangles.triangle(int(rng.integers(12))).start(corner, u, v)
-        length = math.isqrt(sum(x * x for x in n))
-        on_ball = exactly([Fraction(int(c)) + Fraction(5 * x, length) for c, x in zip(center, n, strict=True)])
-        for start, place in ((leaf, place_of(scene, leaf)), (ball.start(Direction(*n)), on_ball)):
-            own = start.surface.primitive
-            for i, light in enumerate(world.lights):
-                ray = ShadowRay(start, False, light)
-                for _, j, corners in corners_of(scene):
-                    site = exactly(sites[i % 4].tolist())
-                    # From the light, of a light at a point.
-                    way = minus(place, site) if i < 4 else exactly((-ways[i % 4]).tolist())
-                    t = meets(site if i < 4 else place, way, corners)
-                    want = j != own and t is not None and (i >= 4 or t < 1)
-                    assert triangles.triangle(j).blocks(ray) is want
-                    blocked += want
-                others = (triangles.triangle(j) for j in range(12))
-                assert any(part.blocks(ray) for part in triangles.parts(ray)) is any(x.blocks(ray) for x in others)
+        leaf = mesh.triangle(int(rng.integers(12))).start(int(rng.integers(3)), *rng.choice([0, 0.25, 0.5], 2).tolist())
+        places = (leaf, place_of(surfaces, leaf)), (ball.start(Direction(*n)), judge.Ball(center, 5.0).point(n))
+        for start, place in places:
+            for i, light in enumerate((*sites, *ways)):
+                ray = ShadowRay(start, False, world.lights[i])
+                want = {
+                    j for _, j, flat in surfaces
+                    if j != start.surface.primitive and judge.between([flat], place, light, parallel=i >= 4)
+                }  # fmt: skip
+                assert {j for j in range(12) if mesh.triangle(j).blocks(ray)} == want
+                assert {part.primitive for part in mesh.parts(ray) if part.blocks(ray)} == want
+                blocked += len(want)
     assert blocked > 10
 
 
