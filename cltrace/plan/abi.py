@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -22,6 +22,7 @@ from cltrace.base.limits import MAX_RAYS
 from cltrace.scene import SIGNED_FULL
 
 Precision = Literal["accurate", "single", "double"]
+Kind = Literal["value", "buffer", "output", "note"]
 
 
 class Field(NamedTuple):
@@ -30,6 +31,12 @@ class Field(NamedTuple):
     name: str
     type: str
     text: str
+
+
+def _fields(type_: str, names: str, text: str) -> tuple[Field, ...]:
+    """Fields of one type, of which the first one says what they are."""
+    first, *others = names.split()
+    return (Field(first, type_, text), *(Field(name, type_, "") for name in others))
 
 
 # Only whole vectors of 4, so that there is nothing to pad.
@@ -47,65 +54,48 @@ STRUCTS = {
         Field("right", "real4", "xyz: x axis; w, of a parallel light: what makes x count from the window's middle"),
         Field("up", "real4", "y axis, the same"),
         Field("ahead", "real4", "z axis"),
-        Field("near_right", "float4", "these three axes in float"),
-        Field("near_up", "float4", ""),
-        Field("near_ahead", "float4", ""),
+        *_fields("float4", "near_right near_up near_ahead", "these three axes in float"),
         Field("window", "float4", "x, y: half of its sides; z, w: columns and rows of cells in a unit of length"),
         Field("cells", "int4", "columns, rows on level 0; where its first cell is in start; a bit for each level used"),
         Field("flags", "int4", "x: whether float tells the cells apart"),
     ),
     "Map": (
-        Field(
-            "to_x", "real4", "xyz of these three: the rows of K, which leads from the world to an ellipsoid's own axes"
+        *_fields(
+            "real4",
+            "to_x to_y to_z",
+            "xyz of these three: the rows of K, which leads from the world to an ellipsoid's own axes",
         ),
-        Field("to_y", "real4", ""),
-        Field("to_z", "real4", ""),
-        Field("from_x", "real4", "the rows of its inverse; w of to_x and from_x: the sums of all magnitudes in them"),
-        Field("from_y", "real4", ""),
-        Field("from_z", "real4", ""),
-        Field("rest_x", "real4", "what was cut off of the inverse"),
-        Field("rest_y", "real4", ""),
-        Field("rest_z", "real4", ""),
-        Field("camera_x", "real4", "the rows of what leads from camera space to the own axes"),
-        Field("camera_y", "real4", ""),
-        Field("camera_z", "real4", ""),
+        *_fields(
+            "real4",
+            "from_x from_y from_z",
+            "the rows of its inverse; w of to_x and from_x: the sums of all magnitudes in them",
+        ),
+        *_fields("real4", "rest_x rest_y rest_z", "what was cut off of the inverse"),
+        *_fields("real4", "camera_x camera_y camera_z", "the rows of what leads from camera space to the own axes"),
     ),
-    "Mesh": (
-        Field("normal_x", "real4", "xyz of these three: the rows of what takes normals of the object to the world"),
-        Field("normal_y", "real4", ""),
-        Field("normal_z", "real4", ""),
+    "Mesh": _fields(
+        "real4",
+        "normal_x normal_y normal_z",
+        "xyz of these three: the rows of what takes normals of the object to the world",
     ),
     "Node": (
-        Field(
-            "low_x",
+        *_fields(
             "float8",
+            "low_x high_x low_y high_y low_z high_z",
             "the boxes of 8 children in the world, from the scene's middle, in the tree's unit",
         ),
-        Field("high_x", "float8", ""),
-        Field("low_y", "float8", ""),
-        Field("high_y", "float8", ""),
-        Field("low_z", "float8", ""),
-        Field("high_z", "float8", ""),
         Field("child", "int8", ">= 0: a node; < 0: ~ a leaf, a block or `blocks` + a patch. A missing one has no box"),
     ),
     "Block": (
-        Field("x", "float8", "the centres of 8 spheres, likewise"),
-        Field("y", "float8", ""),
-        Field("z", "float8", ""),
+        *_fields("float8", "x y z", "the centres of 8 spheres, likewise"),
         Field("outer", "float8", "radii that are surely too large; < 0 where there is no sphere"),
         Field("inner", "float8", "radii that are surely too small, at least 0"),
         Field("index", "int8", "which spheres these are"),
     ),
     "Patch": (
-        Field("ax", "float8", "the first corners A of 8 triangles, likewise"),
-        Field("ay", "float8", ""),
-        Field("az", "float8", ""),
-        Field("ex", "float8", "the edges B - A"),
-        Field("ey", "float8", ""),
-        Field("ez", "float8", ""),
-        Field("fx", "float8", "the edges C - A"),
-        Field("fy", "float8", ""),
-        Field("fz", "float8", ""),
+        *_fields("float8", "ax ay az", "the first corners A of 8 triangles, likewise"),
+        *_fields("float8", "ex ey ez", "the edges B - A"),
+        *_fields("float8", "fx fy fz", "the edges C - A"),
         Field("slack", "float8", "see triangle_add_leaf(); < 0 where there is no triangle"),
         Field("index", "int8", "which triangles these are, as primitives"),
     ),
@@ -125,7 +115,7 @@ class Argument:
 
     name: str
     type: str
-    kind: Literal["value", "buffer", "output", "note"]
+    kind: Kind
     group: str
     text: str
     channels: int = 1
@@ -139,19 +129,16 @@ class Argument:
         return pointer[self.kind].format(self.type, self.name)
 
 
-def _values(group: str, *rows: tuple[str, str, str], needs: str = "") -> tuple[Argument, ...]:
-    return tuple(Argument(name, type_, "value", group=group, text=text, needs=needs) for name, type_, text in rows)
-
-
-def _buffers(group: str, *rows: tuple[str, str, str], needs: str = "") -> tuple[Argument, ...]:
-    return tuple(Argument(name, type_, "buffer", group=group, text=text, needs=needs) for name, type_, text in rows)
-
-
-def _outputs(*rows: tuple[str, str, int, str], needs: str = "") -> tuple[Argument, ...]:
+def _arguments(kind: Kind, group: str, needs: str, *rows: tuple[Any, ...]) -> tuple[Argument, ...]:
+    """Arguments that agree in this. rows: name, type and text of each, and the channels of an output of several."""
     return tuple(
-        Argument(name, type_, "output", group="Outputs", text=text, channels=n, needs=needs)
-        for name, type_, n, text in rows
+        Argument(name, type_, kind, group, text, channels[0] if channels else 1, needs)
+        for name, type_, text, *channels in rows
     )
+
+
+_values, _buffers = partial(_arguments, "value"), partial(_arguments, "buffer")
+_outputs, _notes = partial(_arguments, "output", "Outputs"), partial(_arguments, "note")
 
 
 # What --stats counts, in the order of the last axis of the output `work`: the kernel's names, and words for a reader.
@@ -202,27 +189,16 @@ TRAITS = {
 # named after it; kernels/shapes/dispatch.cl lists them. ASK_SHAPE() of the header calls that one of them which a
 # surface has.
 SHAPES = (
-    ShapeRow("sphere", "WITH_SPHERES", first="0", leaf="0", traits=("ROUND", "FETCHED")),
-    ShapeRow(
-        "cylinder",
-        "WITH_CYLINDERS",
-        first="((geometry).first_rod)",
-        leaf="0",
-        traits=("ROUND", "FETCHED", "LATE", "PLACED"),
-    ),
-    ShapeRow(
-        "triangle",
-        "WITH_TRIANGLES",
-        first="((geometry).first)",
-        leaf="((tree).blocks)",
-        traits=("LATE", "PLACED", "TINY"),
-    ),
+    ShapeRow("sphere", "WITH_SPHERES", "0", "0", ("ROUND", "FETCHED")),
+    ShapeRow("cylinder", "WITH_CYLINDERS", "((geometry).first_rod)", "0", ("ROUND", "FETCHED", "LATE", "PLACED")),
+    ShapeRow("triangle", "WITH_TRIANGLES", "((geometry).first)", "((tree).blocks)", ("LATE", "PLACED", "TINY")),
 )
 
 ARGUMENTS = (
     # Not one struct: where functions hand that on, NVIDIA's compiler reads it from memory that is not there.
     *_values(
         "Frame",
+        "",
         (
             "pixel",
             "real4",
@@ -236,19 +212,22 @@ ARGUMENTS = (
     ),
     *_values(
         "",
+        "",
         ("size", "int2", "pixels of the whole picture"),
         ("region", "int4", "x, y, width, height of the part that is wanted, in pixels; x and y are multiples of TILE"),
         ("row", "int", "row of the region at which this launch starts"),
     ),
-    *_values("Outputs", ("pitch", "int", "pixels in a row of the outputs, which hold whole packets")),
+    *_values("Outputs", "", ("pitch", "int", "pixels in a row of the outputs, which hold whole packets")),
     *_values(
         "Scene",
+        "",
         ("lights", "int", "how many lights there are"),
         ("count", "int", "how many spheres there are"),
         ("unit", "real", "a power of two: a length of type real, times this, is in the float buffers' unit"),
     ),
     *_buffers(
         "Geometry",
+        "",
         ("center_radius", "real4", "centre in camera space, radius"),
         ("power", "real2", "x: |centre|^2 - radius^2, made before the centre was rounded; y: 1 / radius"),
         ("world", "real4", "xyz: centre in the world, unrounded; w: what was cut off of power. Not in single"),
@@ -256,6 +235,7 @@ ARGUMENTS = (
     ),
     *_buffers(
         "Scene",
+        "",
         ("id_of", "int", "a surface's number in the scene; a triangle has its mesh's"),
         ("material_of", "int", "the index in material of a surface's material"),
         ("material", "shade8", "ka La C (rgb), kd C (rgb), ks, exponent"),
@@ -267,60 +247,53 @@ ARGUMENTS = (
     ),
     *_buffers(
         "Lists",
+        "",
         ("grid", "Grid", "the picture's tiles, then the grids of the lights"),
         ("start", "int", "where a cell's list begins in entry; it ends where the next cell's list begins"),
         ("entry", "int2", "x: a sphere's index, y: the depth by which the list is sorted, as the bits of a float"),
     ),
     *_outputs(
-        ("rgb8", "uchar", 3, "linear colour in bytes, without gamma"),
-        ("color", "float", 3, "linear colour, not clamped"),
-        ("normal", "float", 3, "unit vector in the world, facing the camera, 0 = nothing"),
-        ("direction", "float", 3, "unit vector of the pixel's ray in the world"),
-        ("depth", "real", 1, "distance from the eye, or from the plane of an orthographic camera, infinite = nothing"),
-        ("id", "int", 1, "the surface's number in the scene, -1 = nothing"),
+        "",
+        ("rgb8", "uchar", "linear colour in bytes, without gamma", 3),
+        ("color", "float", "linear colour, not clamped", 3),
+        ("normal", "float", "unit vector in the world, facing the camera, 0 = nothing", 3),
+        ("direction", "float", "unit vector of the pixel's ray in the world", 3),
+        ("depth", "real", "distance from the eye, or from the plane of an orthographic camera, infinite = nothing"),
+        ("id", "int", "the surface's number in the scene, -1 = nothing"),
     ),
+    *_outputs("OUT_PRIMITIVE", ("primitive", "int", "a triangle's number within its mesh, -1 = a sphere or nothing")),
+    *_outputs("OUT_UV", ("uv", "float", "u, v: where the point is on a texture, 0 = nothing", 2)),
+    *_outputs("OUT_ERROR", ("error", "float", "an estimate of the mean colour's error, in levels of 255")),
+    *_outputs("OUT_COVERAGE", ("coverage", "float", "the share of the pixel that surfaces cover")),
     *_outputs(
-        ("primitive", "int", 1, "a triangle's number within its mesh, -1 = a sphere or nothing"),
-        needs="OUT_PRIMITIVE",
-    ),
-    *_outputs(("uv", "float", 2, "u, v: where the point is on a texture, 0 = nothing"), needs="OUT_UV"),
-    *_outputs(("error", "float", 1, "an estimate of the mean colour's error, in levels of 255"), needs="OUT_ERROR"),
-    *_outputs(("coverage", "float", 1, "the share of the pixel that surfaces cover"), needs="OUT_COVERAGE"),
-    *_outputs(
-        ("shadow_rays", "int", 1, "to how many lights a shadow ray was sent"),
-        ("work", "int", len(COUNTERS), "how often the pixel did what COUNTERS names"),
+        "",
+        ("shadow_rays", "int", "to how many lights a shadow ray was sent"),
+        ("work", "int", "how often the pixel did what COUNTERS names", len(COUNTERS)),
     ),
     *_buffers(
-        "Geometry",
-        ("place", "real4", "centre in the world, in single from the scene's middle; radius"),
-        needs="WITH_LEAVING",
+        "Geometry", "WITH_LEAVING", ("place", "real4", "centre in the world, in single from the scene's middle; radius")
     ),
     *_values(
-        "Geometry",
-        ("eye", "real4", "xyz: the eye in the world, in single from the scene's middle"),
-        needs="WITH_SHAPES",
+        "Geometry", "WITH_SHAPES", ("eye", "real4", "xyz: the eye in the world, in single from the scene's middle")
     ),
-    *_values(
-        "Geometry", ("ahead", "real4", "xyz: the direction of parallel rays, in the world"), needs="WITH_PARALLEL_RAYS"
-    ),
+    *_values("Geometry", "WITH_PARALLEL_RAYS", ("ahead", "real4", "xyz: the direction of parallel rays, in the world")),
     *_buffers(
         "Geometry",
+        "WITH_ELLIPSOIDS",
         ("map_of", "int", "of a sphere, which of the maps makes it an ellipsoid; 0: none"),
         ("map", "Map", "the first one is 1"),
-        needs="WITH_ELLIPSOIDS",
     ),
     *_values(
         "Scene",
+        "WITH_BOUNCES",
         ("bounces", "int", "the depth up to which a ray is sent on by what it meets; rays from the eye have depth 0"),
-        needs="WITH_BOUNCES",
+    ),
+    *_buffers(
+        "Scene", "WITH_BOUNCES", ("bounce", "real4", "of a material: reflectance, transmittance, index of refraction")
     ),
     *_buffers(
         "Scene",
-        ("bounce", "real4", "of a material: reflectance, transmittance, index of refraction"),
-        needs="WITH_BOUNCES",
-    ),
-    *_buffers(
-        "Scene",
+        "WITH_TEXTURES",
         ("texture_of", "int", "of a material, which texture its colour is multiplied with; -1: none"),
         (
             "texture",
@@ -328,10 +301,10 @@ ARGUMENTS = (
             "x, y: its width and height in texels; z: where in texel it begins; w: the number of a full colour",
         ),
         ("texel", "uchar", "red, green, blue, row by row from the top; each takes two bytes if full is not 255"),
-        needs="WITH_TEXTURES",
     ),
     *_values(
         "Tree",
+        "WITH_BOUNCES",
         (
             "middle",
             "real4",
@@ -339,33 +312,33 @@ ARGUMENTS = (
         ),
         ("widen", "float", "what outer and inner radii of blocks differ from the radius by"),
         ("blocks", "int", "how many blocks there are"),
-        needs="WITH_BOUNCES",
     ),
     *_buffers(
         "Tree",
+        "WITH_BOUNCES",
         ("node", "Node", "the tree of boxes that rays from surfaces walk through; the first one is its root"),
         ("block", "Block", "its leaves of spheres"),
-        needs="WITH_BOUNCES",
     ),
     *_buffers(
         "Scene",
+        "WITH_PLACED",
         ("lamp", "real4", "xyz: a light in the world, as a vertex, or the direction to a parallel one, of any length"),
-        needs="WITH_PLACED",
     ),
-    *_values("Geometry", ("first_rod", "int", "the index of the first cylinder as a surface"), needs="WITH_CYLINDERS"),
+    *_values("Geometry", "WITH_CYLINDERS", ("first_rod", "int", "the index of the first cylinder as a surface")),
     *_buffers(
         "Geometry",
+        "WITH_CYLINDERS",
         (
             "rod",
             "real4",
             "two for each cylinder, in the world: xyz: the middle of its start, w: its radius; xyz: that of its end. "
             "In single, the start is from the scene's middle, and the second is the axis, of length 1, w: the length",
         ),
-        needs="WITH_CYLINDERS",
     ),
-    *_values("Scene", ("rods", "int", "how many cylinders there are"), needs="WITH_CYLINDERS"),
+    *_values("Scene", "WITH_CYLINDERS", ("rods", "int", "how many cylinders there are")),
     *_buffers(
         "Scene",
+        "WITH_CYLINDERS",
         ("rod_side", "char", "for each light in turn, on which side of each cylinder it is, as light_side"),
         (
             "rod_seen",
@@ -373,61 +346,62 @@ ARGUMENTS = (
             "two for each cylinder, in camera space and the float buffers' unit: xyz: its middle, w: half of its "
             "length; xyz: along its axis, of length 1, w: its radius",
         ),
-        needs="WITH_CYLINDERS",
     ),
-    *_values("Geometry", ("planes", "int", "how many planes clip the scene"), needs="WITH_PLANES"),
+    *_values("Geometry", "WITH_PLANES", ("planes", "int", "how many planes clip the scene")),
     *_buffers(
         "Geometry",
+        "WITH_PLANES",
         (
             "clip",
             "real4",
             "two for each plane, in the world: xyz: a point of it, in single from the scene's middle, w: the index in "
             "material of its caps, -1: that of what they close; xyz: its normal towards the kept side",
         ),
-        needs="WITH_PLANES",
     ),
     *_values(
         "Scene",
+        "WITH_PLANES",
         ("surfaces", "int", "how many surfaces there are"),
         ("solids", "int", "how many closed meshes the planes clip"),
         ("unclipped", "int", "whether there are surfaces that the planes do not clip"),
-        needs="WITH_PLANES",
     ),
     *_buffers(
         "Scene",
+        "WITH_PLANES",
         (
             "solid_of",
             "int",
             "of a surface: -1: the planes do not clip it; > 0: it is a triangle of the closed mesh of that number; 0: "
             "all others",
         ),
-        needs="WITH_PLANES",
     ),
-    *_values("Scene", ("patches", "int", "how many patches there are"), needs="WITH_PATCHES"),
-    *_buffers("Scene", ("patch", "Patch", "the tree's leaves of triangles"), needs="WITH_PATCHES"),
-    *_values("Geometry", ("first", "int", "the index of the first triangle as a surface"), needs="WITH_TRIANGLES"),
+    *_values("Scene", "WITH_PATCHES", ("patches", "int", "how many patches there are")),
+    *_buffers("Scene", "WITH_PATCHES", ("patch", "Patch", "the tree's leaves of triangles")),
+    *_values("Geometry", "WITH_TRIANGLES", ("first", "int", "the index of the first triangle as a surface")),
     *_buffers(
         "Geometry",
+        "WITH_TRIANGLES",
         ("vertex", "real4", "corners of triangles in the world, in single from the scene's middle"),
         ("face", "int4", "xyz: a triangle's corners A, B, C; w: twice its mesh, plus 1 where N points to its back"),
-        needs="WITH_TRIANGLES",
     ),
-    Argument(
-        "plane",
-        "int",
-        "note",
-        group="Geometry",
-        text="of a triangle, 1 plus one before it that is in the same plane; 0: none is known. See note_plane()",
-        needs="WITH_TRIANGLES",
+    *_notes(
+        "Geometry",
+        "WITH_TRIANGLES",
+        (
+            "plane",
+            "int",
+            "of a triangle, 1 plus one before it that is in the same plane; 0: none is known. See note_plane()",
+        ),
     ),
     *_values(
         "Scene",
+        "WITH_TRIANGLES",
         ("triangles", "int", "how many triangles there are"),
         ("materials", "int", "how many materials there are"),
-        needs="WITH_TRIANGLES",
     ),
     *_buffers(
         "Scene",
+        "WITH_TRIANGLES",
         ("facet", "float4", "three for each triangle, as the eye sees it: see sides_of()"),
         ("light_facet", "float4", "for each light in turn, the same for all triangles as the light sees them"),
         ("number_of", "int", "a triangle's number within its mesh"),
@@ -436,59 +410,52 @@ ARGUMENTS = (
         ("normal_face", "int4", "xyz: which normals a triangle's corners have; w: its mesh, -1: they have none"),
         ("corner_uv", "real2", "texture coordinates of corners"),
         ("uv_face", "int4", "xyz: which of these a triangle's corners have; w: -1: none"),
-        needs="WITH_TRIANGLES",
     ),
-    Argument(
-        "undecided",
-        "uchar",
-        "note",
-        group="Geometry",
-        text="of each work-item, whether its pixel is left to the second program; before these, whether any is",
-        needs="IN_STAGES",
+    *_notes(
+        "Geometry",
+        "IN_STAGES",
+        (
+            "undecided",
+            "uchar",
+            "of each work-item, whether its pixel is left to the second program; before these, whether any is",
+        ),
     ),
-    *_values("Scene", ("proved", "int", "of how many lights `unstoppable` is known"), needs="WITH_UNSTOPPABLE"),
+    *_values("Scene", "WITH_UNSTOPPABLE", ("proved", "int", "of how many lights `unstoppable` is known")),
     *_buffers(
         "Scene",
+        "WITH_UNSTOPPABLE",
         ("unstoppable", "int", "for each light in turn, a bit for each triangle, 32 in a number: see unstoppable.cl"),
-        needs="WITH_UNSTOPPABLE",
     ),
     *_values(
         "Scene",
+        "WITH_DROPPING",
         ("brightest", "real4", "rgb: more than anything in the scene shows, in units of a sum, 2^-40; w: the largest"),
         ("faint", "real", "branches that add no more to a sum are dropped at first, in the same units; < 0: none are"),
-        needs="WITH_DROPPING",
     ),
     *_values(
         "Scene",
+        "WITH_SAMPLES",
         ("lattice", "int2", "x: log2 of N, the rays of a pixel where few do not agree; y: which lattice, see LATTICES"),
         ("scatter", "float", "what a mean over them is off by at most, mostly, for each 1 by which they differ"),
-        needs="WITH_SAMPLES",
     ),
     *_values(
         "Outputs",
+        "WITH_CEILING",
         ("margin", "int2", "columns and rows of the region that nobody wants: it begins at a tile"),
-        needs="WITH_CEILING",
     ),
     *_values(
-        "Scene",
-        ("started", "int", "whether `so_far` has colours of lights that have been added before"),
-        needs="WITH_PASSES",
+        "Scene", "WITH_PASSES", ("started", "int", "whether `so_far` has colours of lights that have been added before")
     ),
-    Argument(
-        "so_far",
-        "shade4",
-        "note",
-        group="Outputs",
-        text="rgb: a pixel's colour in the lights so far, not clamped",
-        needs="WITH_PASSES",
-    ),
+    *_notes("Outputs", "WITH_PASSES", ("so_far", "shade4", "rgb: a pixel's colour in the lights so far, not clamped")),
     # The kernel writes a pixel of more than MOST_RAYS rays. The host writes a number below 0 where it wants no more.
-    Argument(
-        "last",
-        "int",
-        "note",
-        group="Scene",
-        text="the last pixel that is wanted: W times its packet's number in the picture, row by row, plus its lane",
+    *_notes(
+        "Scene",
+        "",
+        (
+            "last",
+            "int",
+            "the last pixel that is wanted: W times its packet's number in the picture, row by row, plus its lane",
+        ),
     ),
 )
 OUTPUTS = {a.name: a for a in ARGUMENTS if a.kind == "output"}

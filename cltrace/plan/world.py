@@ -18,7 +18,7 @@ from cltrace.plan.clipping import Clipping
 from cltrace.plan.lights import useful_lights
 from cltrace.plan.materials import NO_BOUNCES, NO_TEXTURES, Bounces, Materials, Textures, brightest
 from cltrace.plan.request import Request
-from cltrace.plan.rounding import Array, Ints, Mask
+from cltrace.plan.rounding import Array, Ints
 from cltrace.plan.shapes.cylinder import CylinderPacking
 from cltrace.plan.shapes.mesh import MeshPacking
 from cltrace.plan.shapes.shape import ShapePacking, share
@@ -68,12 +68,6 @@ class ScenePacking:
     def placed(self) -> Iterator[tuple[int, ShapePacking]]:
         """The index of each shape's first surface, and the shape."""
         return zip(accumulate((len(shape.number) for shape in self.shapes), initial=0), self.shapes, strict=False)
-
-    @property
-    def opaque(self) -> Mask:
-        """(n,): which surfaces let no ray through."""
-        bounce = self.materials.bounce
-        return np.asarray(bounce[self.material_of, 1] == 0) if len(bounce) else np.ones(len(self.id), bool)
 
     @classmethod
     def of(cls, scene: Scene, request: Request, before: Before | None = None) -> ScenePacking:
@@ -133,7 +127,6 @@ class ScenePacking:
             and self.clipping is other.clipping
             and self.lights.tobytes() == other.lights.tobytes()
             and (self.bounces.any, self.bounces.glass) == (other.bounces.any, other.bounces.glass)
-            and (not self.bounces.any or np.array_equal(self.opaque, other.opaque))
         )
 
 
