@@ -1,134 +1,53 @@
-"""Lights: which of them count, as the kernel reads them, and what each kind is to the shapes and the lists.
-
-A light is at a point or along a direction. What differs between the two, and between the kinds of LIGHT_KINDS, is in
-the classes of LAMPS, a row for each kind.
-"""
+"""Lights: which of them count, as the kernel reads them, and what each one is to the shapes and the lists."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import LIGHT_KINDS, Precision, dtype_of, shade_dtype
-from cltrace.plan.accel.grids import CellGrid, Shadows, parallel_grids, point_grids
-from cltrace.plan.accel.silhouettes import Discs, Silhouettes
-from cltrace.plan.culling import parallel_shadows, point_shadows
+from cltrace.plan.accel.grids import CellGrid
 from cltrace.plan.materials import finite32
 from cltrace.plan.rounding import Array, Mask
 from cltrace.scene import AMBIENT, PARALLEL, AnyCamera
 
-T = TypeVar("T", covariant=True)
-
-
-class Lit(Protocol[T]):
-    """What is seen in one way from a point, and in another along a direction. more: whatever the caller has to say."""
-
-    def from_point(self, light: AtPoint, *more: Any) -> T:
-        """As a light at a point sees it."""
-
-    def along(self, light: Parallel, *more: Any) -> T:
-        """As a parallel light sees it."""
+# The number of the only kind that is not at a point.
+ALONG = LIGHT_KINDS.index("parallel")
 
 
 @dataclass(frozen=True)
-class _Light:
+class Lamp:
     """A light as one camera has it.
 
-    record: of the scene; packed: of pack_lights(); basis: (3, 3), the camera's axes in the world.
+    record: of the scene; packed: of pack_lights().
     """
 
     record: np.void
     packed: np.void
-    basis: Array
 
-
-class AtPoint(_Light):
-    """A light at a point, place: (3,), in the world, in scene units."""
-
-    at_point = True
+    @property
+    def at_point(self) -> bool:
+        """Whether it is at a point, and not infinitely far away."""
+        return bool(kinds(self.record) != ALONG)
 
     @property
     def place(self) -> Array:
+        """(3,): the point, in the world, in scene units."""
         return np.asarray(self.record["position"])
-
-    @staticmethod
-    def fill(out: np.void, light: np.void, position: Array, basis: Array) -> None:
-        """Fills what its kind has of abi's `Light`. position: (3,), in camera space; basis: as above."""
-        out["position"][:3] = position
-
-    def look(self, at: Lit[T], *more: Any) -> T:
-        """What it sees of something."""
-        return at.from_point(self, *more)
-
-    def grids(self, shapes: Sequence[Silhouettes], who: Shadows) -> Iterator[CellGrid]:
-        """Those of its lists. shapes: what it sees, in the order of SHAPES."""
-        return point_grids(shapes, who)
-
-    def shadows(self, discs: Discs, slack: float) -> Mask:
-        """(n, n): whether disc [j] can stand between it and any point of disc [i]."""
-        return point_shadows(discs, slack)
-
-
-class Spot(AtPoint):
-    """A light at a point that shines into a cone."""
-
-    @staticmethod
-    def fill(out: np.void, light: np.void, position: Array, basis: Array) -> None:
-        AtPoint.fill(out, light, position, basis)
-        alpha1, alpha2 = math.radians(light["alpha1"]), math.radians(light["alpha2"])
-        out["axis"] = (*_direction(light, basis), math.cos(alpha2))
-        out["cone"][:2] = alpha1, 1 / (alpha2 - alpha1) if alpha2 > alpha1 else 0
-
-
-class Lambert(AtPoint):
-    """A light at a point, as bright as the cosine of the angle from its axis."""
-
-    @staticmethod
-    def fill(out: np.void, light: np.void, position: Array, basis: Array) -> None:
-        AtPoint.fill(out, light, position, basis)
-        out["axis"][:3] = _direction(light, basis)
-
-
-class Parallel(_Light):
-    """A light along a direction, with the methods of one at a point."""
-
-    at_point = False
 
     @property
     def axes(self) -> Array:
-        """(3, 3): the two across it and the one towards it, in camera space."""
+        """(3, 3): the two across a parallel light and the one towards it, in camera space."""
         return np.array([self.packed[name][:3] for name in ("axis", "across", "position")], np.float64)
 
     @property
     def towards(self) -> Array:
-        """(3,): the direction to it in the world, exactly."""
+        """(3,): the direction to a parallel light in the world, exactly."""
         return np.asarray(-self.record["direction"])
-
-    @staticmethod
-    def fill(out: np.void, light: np.void, position: Array, basis: Array) -> None:
-        towards = -_direction(light, basis)
-        # Any two axes across do. The first one is made from the coordinate axis that is furthest from the light's
-        # direction, where the cross product loses least.
-        helper = np.eye(3)[np.argmin(np.abs(towards))]
-        axis = _unit(np.cross(helper, towards)[None])[0]
-        out["position"][:3], out["axis"][:3], out["across"][:3] = towards, axis, np.cross(towards, axis)
-
-    def look(self, at: Lit[T], *more: Any) -> T:
-        return at.along(self, *more)
-
-    def grids(self, shapes: Sequence[Silhouettes], who: Shadows) -> Iterator[CellGrid]:
-        return parallel_grids(self.axes, shapes, who)
-
-    def shadows(self, discs: Discs, slack: float) -> Mask:
-        return parallel_shadows(self.axes, discs, slack)
-
-
-Lamp = AtPoint | Parallel
 
 
 class Move(NamedTuple):
@@ -160,10 +79,6 @@ class Move(NamedTuple):
         return replace(grid, axes=grid.axes @ self.turn.T, middle=grid.middle - grid.axes[:2] @ self.shift)
 
 
-# By the names of LIGHT_KINDS.
-LAMPS: dict[str, type[Lamp]] = {"parallel": Parallel, "point": AtPoint, "spot": Spot, "lambert": Lambert}
-
-
 def useful_lights(lights: NDArray[np.void], reflected: bool, all_of_them: bool) -> NDArray[np.void]:
     """The lights of a scene that can add to a colour, (m,) in the order of LIGHT_KINDS.
 
@@ -175,7 +90,7 @@ def useful_lights(lights: NDArray[np.void], reflected: bool, all_of_them: bool) 
     return np.asarray(useful[np.argsort(useful["kind"], kind="stable")])
 
 
-def kinds(lights: NDArray[np.void]) -> NDArray[np.integer[Any]]:
+def kinds(lights: NDArray[np.void] | np.void) -> NDArray[np.integer[Any]]:
     """The numbers that abi's LIGHT_KINDS gives to the kinds of lights, none of which is ambient."""
     return np.asarray(lights["kind"] - PARALLEL)
 
@@ -187,13 +102,7 @@ def counts(lights: NDArray[np.void]) -> dict[str, int]:
 
 def are_at_points(kinds: NDArray[Any]) -> Mask:
     """Which lights are at points, and not infinitely far away. kinds: their numbers in LIGHT_KINDS."""
-    return np.array([LAMPS[kind].at_point for kind in LIGHT_KINDS])[kinds.astype(np.intp)]
-
-
-def lamps_of(lights: NDArray[np.void], packed: NDArray[np.void], basis: Array) -> list[Lamp]:
-    """Lights (m,) with their records (m,) of pack_lights(), and more. basis: (3, 3), the camera's axes in the world."""
-    rows = zip(kinds(lights).tolist(), lights, packed, strict=False)
-    return [LAMPS[LIGHT_KINDS[kind]](light, record, basis) for kind, light, record in rows]
+    return np.asarray(kinds != ALONG)
 
 
 def pack_lights(
@@ -208,7 +117,20 @@ def pack_lights(
     out["color"][:, :3], out["color"][:, 3] = finite32(lights["color"]), kinds(lights)
     dim_highlights(out, lights, precision, brightest)
     for record, kind, light, place in zip(out, kinds(lights).tolist(), lights, position, strict=True):
-        LAMPS[LIGHT_KINDS[kind]].fill(record, light, place, basis)
+        record["position"][:3] = place
+        if LIGHT_KINDS[kind] == "parallel":
+            towards = -_direction(light, basis)
+            # Any two axes across do. The first one is made from the coordinate axis that is furthest from the light's
+            # direction, where the cross product loses least.
+            axis = _unit(np.cross(np.eye(3)[np.argmin(np.abs(towards))], towards)[None])[0]
+            record["position"][:3], record["axis"][:3] = towards, axis
+            record["across"][:3] = np.cross(towards, axis)
+        elif LIGHT_KINDS[kind] != "point":
+            record["axis"][:3] = _direction(light, basis)
+        if LIGHT_KINDS[kind] == "spot":
+            alpha1, alpha2 = math.radians(light["alpha1"]), math.radians(light["alpha2"])
+            record["axis"][3] = math.cos(alpha2)
+            record["cone"][:2] = alpha1, 1 / (alpha2 - alpha1) if alpha2 > alpha1 else 0
     return out
 
 

@@ -10,8 +10,17 @@ import numpy as np
 
 from cltrace.base.errors import TooSlowError
 from cltrace.base.limits import MAX_SECONDS
-from cltrace.plan.accel.grids import CellGrid, PictureWindow, Shadows, picture_tiles, whole_grid
+from cltrace.plan.accel.grids import (
+    CellGrid,
+    PictureWindow,
+    Shadows,
+    parallel_grids,
+    picture_tiles,
+    point_grids,
+    whole_grid,
+)
 from cltrace.plan.accel.silhouettes import FINE_SLACK, SLACK, Discs, Silhouettes
+from cltrace.plan.culling import parallel_shadows, point_shadows
 from cltrace.plan.lights import Lamp
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Mask
@@ -111,8 +120,9 @@ class Grids:
         # With ONE_LIST spheres at most, finding the right list for a shadow ray costs more than trying them all: a box
         # of 16 takes 3.5 ms a frame instead of 3.2 (PoCL 3.1, 1920x1080). A shell of 28 takes 4.3 instead of 4.6.
         if n > ONE_LIST or others or not isinstance(discs, Discs):
-            return light.grids(shapes, who), -1
-        shadows = light.shadows(discs, who.slack)
+            return point_grids(shapes, who) if light.at_point else parallel_grids(light.axes, shapes, who), -1
+        slack = who.slack
+        shadows = point_shadows(discs, slack) if light.at_point else parallel_shadows(light.axes, discs, slack)
         shadows &= who.receiver[:, None] & who.occluder
         # Seen from outside, a sphere never stands between itself and a light; seen from inside, it may.
         inside = np.concatenate([sight.inside for sight in self._sights]) | self._world.bounces.glass

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cltrace.plan.abi import dtype_of, real_dtype
 from cltrace.plan.accel.grids import CellGrid, PictureWindow, build
 from cltrace.plan.accel.tree import NO_PATHS
-from cltrace.plan.lights import Move, are_at_points, dim_highlights, kinds, lamp_places, lamps_of, pack_lights
+from cltrace.plan.lights import Lamp, Move, are_at_points, dim_highlights, kinds, lamp_places, pack_lights
 from cltrace.plan.lists import Grids
 from cltrace.plan.request import Region, Request
 from cltrace.plan.rounding import Array
@@ -58,7 +58,7 @@ class CameraView:
         lengths = [part for shape in shapes for part in shape.lengths()]
         k = exponent_of(world, camera, lengths)
         base = cls.without_lists(world, camera, request, k)
-        lights = lamps_of(world.lights, base.arrays["light"], np.array(camera.basis()))
+        lights = [*map(Lamp, world.lights, base.arrays["light"])]
         known = methods.known(k)
         lights = lights[len(known.light) :] if known else lights
         sights = [shape.see(k, lights, request) for shape in shapes]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -68,15 +68,10 @@ class BallsInView(InView):
     def see(self, k: int, lights: Any, request: Request) -> Sights:
         small = self.space.times_two_to(k)
         eye = small.seen_along_view() if self.camera.parallel else small.seen_from_eye()
-        seen = [light.look(self, small, 2.0**k) for light in lights]
+        turned = partial(rotated, np.array(self.camera.basis()))
+        discs = [small.seen_from(light.place * 2.0**k)[0] if light.at_point else None for light in lights]
+        seen = [replace(d, center=turned(d.center)) if d else small.seen_from_eye() for d in discs]
         return Sights({}, eye=eye, lights=seen, visible=None, inside=eye.power <= 0, lit={})
-
-    def from_point(self, light: Any, small: CameraSpace, unit: float) -> Any:
-        seen = small.seen_from(light.place * unit)[0]
-        return replace(seen, center=rotated(light.basis, seen.center))
-
-    def along(self, light: Any, small: CameraSpace, unit: float) -> Any:
-        return small.seen_from_eye()
 
 
 @pytest.mark.parametrize("camera", [CAMERA, cltrace.Orthographic((0, 0, 4), height=3.0)], ids=["point", "parallel"])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cltrace.base.arithmetic import cross
 from cltrace.plan.accel.silhouettes import Capsules
 from cltrace.plan.accel.tree import Paths
-from cltrace.plan.lights import AtPoint, Lamp, Parallel
+from cltrace.plan.lights import Lamp
 from cltrace.plan.order import MANY, spatial_order
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array, Ints, along, rotated
@@ -127,7 +127,7 @@ class CylindersInView(InView):
 
     def see(self, k: int, lights: list[Lamp], request: Request) -> Sights:
         sides = np.ones((len(lights), len(self.cylinders.radius)), np.int8)
-        seen = [light.look(self, k, side) for light, side in zip(lights, sides, strict=True)]
+        seen = [self.from_light(light, k, side) for light, side in zip(lights, sides, strict=True)]
         eye = self.capsules(self.near, k)
         lit: Arrays = {"rod_side": sides.reshape(-1)}
         arrays: Arrays = {"rod_seen": self._seen(k)}
@@ -144,14 +144,12 @@ class CylindersInView(InView):
         seen[:, 1, :3], seen[:, 1, 3] = axis / length[:, None], np.ldexp(self.cylinders.radius, k)
         return seen.reshape(-1, 4)
 
-    def from_point(self, light: AtPoint, k: int, side: NDArray[np.int8]) -> Capsules:
-        """What a light sees. side: (n,), gets on which side of each one the light is."""
+    def from_light(self, light: Lamp, k: int, side: NDArray[np.int8]) -> Capsules:
+        """What a light sees. side: (n,), gets on which side of each one a light at a point is; others are outside."""
+        if not light.at_point:
+            return self.capsules(self.near, k)
         side[:] = self.cylinders.sides(light.place)
         return self.capsules(self.seen_from(light.place), k)
-
-    def along(self, light: Parallel, k: int, side: NDArray[np.int8]) -> Capsules:
-        """The same of a parallel light. Infinitely far away, it is outside of all."""
-        return self.capsules(self.near, k)
 
     def capsules(self, ends: tuple[Array, Array], k: int) -> Capsules:
         start, end = (np.ldexp(p, k) for p in ends)

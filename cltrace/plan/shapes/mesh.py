@@ -17,7 +17,7 @@ from cltrace.plan.abi import CONSTANTS, Precision, dtype_of, real_dtype
 from cltrace.plan.accel.silhouettes import Polygons
 from cltrace.plan.accel.tree import Paths
 from cltrace.plan.culling import repeated_faces
-from cltrace.plan.lights import AtPoint, Lamp, Parallel
+from cltrace.plan.lights import Lamp
 from cltrace.plan.materials import may_bounce
 from cltrace.plan.order import MANY, order_of_rows
 from cltrace.plan.request import Request
@@ -423,7 +423,7 @@ class MeshesInView(InView):
         self.near *= 2.0**k
         eye_row, *rows = self.rows(len(lights))
         eye = self.from_eye(k, eye_row)
-        seen = [light.look(self, k, row) for light, row in zip(lights, rows, strict=True)]
+        seen = [self.from_light(light, k, row) for light, row in zip(lights, rows, strict=True)]
         inside = np.zeros(len(self.triangles.face), bool)
         return Sights(self.arrays, eye=eye, lights=[*seen], visible=None, inside=inside, lit=self.lit)
 
@@ -443,16 +443,13 @@ class MeshesInView(InView):
             side = along_light(self.near, self.triangles, np.eye(3), towards=back, out=out, plane=plane)
         return self.polygons(self.near, side)
 
-    def from_point(self, light: AtPoint, k: int, out: Floats) -> Polygons:
+    def from_light(self, light: Lamp, k: int, out: Floats) -> Polygons:
         """What a light sees. out: as of from_eye()."""
+        if not light.at_point:
+            side = along_light(self.near, self.triangles, light.axes, towards=light.towards, out=out)
+            return self.polygons(self.near, side)
         place = self.seen_from(light.place, 2.0**k)
         return self.polygons(place, from_point(place, self.triangles, light.place, out))
-
-    def along(self, light: Parallel, k: int, out: Floats) -> Polygons:
-        """The same of a parallel light."""
-        return self.polygons(
-            self.near, along_light(self.near, self.triangles, light.axes, towards=light.towards, out=out)
-        )
 
     def polygons(self, vertex: Array, side: Sides, sight: Any = None) -> Polygons:
         """See Polygons."""

@@ -20,7 +20,7 @@ from cltrace.plan.abi import CONSTANTS, dtype_of, real_dtype
 from cltrace.plan.accel.silhouettes import FINE_SLACK, Discs, Silhouettes
 from cltrace.plan.accel.tree import Paths
 from cltrace.plan.culling import repeated
-from cltrace.plan.lights import AtPoint, Lamp, Parallel
+from cltrace.plan.lights import Lamp
 from cltrace.plan.order import MANY, gathered, spatial_order, step
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import (
@@ -320,30 +320,28 @@ class SpheresInView(InView):
         eye = small.seen_along_view() if self.camera.parallel else small.seen_from_eye()
         filters, sides = np.zeros((m, n, 4), np.float32), np.ones((m, n), np.int8)
         seen: list[Silhouettes] = [
-            light.look(self, small, 2.0**k, *out) for light, *out in zip(lights, filters, sides, strict=True)
+            self.from_light(light, small, 2.0**k, row, side)
+            for light, row, side in zip(lights, filters, sides, strict=True)
         ]
         arrays = self._from_eye(small, k, real_dtype(request.precision))
         lit: Arrays = {"light_filter": filters.reshape(-1, 4), "light_side": sides.reshape(-1)}
 
         return Sights(arrays, eye=eye, lights=seen, visible=~self.spheres.again, inside=eye.power <= 0, lit=lit)
 
-    def from_point(
-        self, light: AtPoint, small: CameraSpace, unit: float, filter_: Any, side: NDArray[np.int8]
-    ) -> Discs:
-        """What a light sees. small: in 1 / unit scene units; filter_: (n, 4), abi's light_filter; side: (n,)."""
+    def from_light(self, light: Lamp, small: CameraSpace, unit: float, filter_: Any, side: NDArray[np.int8]) -> Discs:
+        """What a light sees. small: in 1 / unit scene units; filter_: (n, 4), abi's light_filter; side: (n,), as seen
+        from infinitely far away, all surfaces are outside."""
+        if not light.at_point:
+            seen = small.seen_from_eye()
+            u, v = along(light.axes[:2], seen.center)
+            filter_[:, 0], filter_[:, 1], filter_[:, 2] = u, v, disc_filter(u, v, small.radius)
+            return seen
         in_world, side[:] = small.seen_from(light.place * unit)
-        seen = replace(in_world, center=rotated(light.basis, in_world.center))
+        seen = replace(in_world, center=rotated(np.array(self.camera.basis()), in_world.center))
         filter_[:, :3], filter_[:, 3] = -seen.center, filter_constant(in_world)
         if maps := self.spheres.maps:
             exact = maps.sides(self.spheres.center, self.spheres.radius, light.place)
             side[:] = np.where(maps.of_sphere > 0, exact, side)
-        return seen
-
-    def along(self, light: Parallel, small: CameraSpace, unit: float, filter_: Any, side: NDArray[np.int8]) -> Discs:
-        """The same of a parallel light. Seen from infinitely far away, all surfaces are outside."""
-        seen = small.seen_from_eye()
-        u, v = along(light.axes[:2], seen.center)
-        filter_[:, 0], filter_[:, 1], filter_[:, 2] = u, v, disc_filter(u, v, small.radius)
         return seen
 
     def _from_eye(self, small: CameraSpace, k: int, real: np.dtype[Any]) -> Arrays:

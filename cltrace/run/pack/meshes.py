@@ -16,7 +16,7 @@ import numpy as np
 
 from cltrace.plan.accel.grids import CellGrid
 from cltrace.plan.accel.silhouettes import Polygons
-from cltrace.plan.lights import AtPoint, Lamp, Move, Parallel, are_at_points, kinds
+from cltrace.plan.lights import Lamp, Move, are_at_points, kinds
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array
 from cltrace.plan.shapes.mesh import MeshesInView, MeshPacking, exact_sides, exact_turns
@@ -165,14 +165,13 @@ class _OnDevice(MeshesInView):
         rows: Arguments = {"pane": self.camera.image_plane(), "facet": self.made["facet"], "first": out}
         return self._facets("facets", self.near, partial(exact_sides, point=np.array(self.camera.position)), rows)
 
-    def from_point(self, light: AtPoint, k: int, out: Any) -> Polygons:
-        rows: Arguments = {"pane": AT_POINT, "facet": self.made["light_facet"], "first": out}
+    def from_light(self, light: Lamp, k: int, out: Any) -> Polygons:
+        rows: Arguments = {"facet": self.made["light_facet"], "first": out}
+        if not light.at_point:
+            rows |= dict(zip("abc", light.axes, strict=True))
+            return self._facets("facets_along", self.near, partial(exact_turns, towards=light.towards), rows)
         place = self.seen_from(light.place, 2.0**k)
-        return self._facets("facets", place, partial(exact_sides, point=light.place), rows)
-
-    def along(self, light: Parallel, k: int, out: Any) -> Polygons:
-        rows: Arguments = {"facet": self.made["light_facet"], "first": out, **dict(zip("abc", light.axes, strict=True))}
-        return self._facets("facets_along", self.near, partial(exact_turns, towards=light.towards), rows)
+        return self._facets("facets", place, partial(exact_sides, point=light.place), rows | {"pane": AT_POINT})
 
     def _facets(self, kernel: str, near: Array, exact: Callable[..., list[int]], rows: Arguments) -> Polygons:
         """Makes rows of facets, and returns what is seen from a point, or along a direction.

@@ -31,7 +31,7 @@ from cltrace.plan.accel.grids import (
     window_of,
 )
 from cltrace.plan.accel.silhouettes import FINE_SLACK, SLACK
-from cltrace.plan.lights import AtPoint, Move, Parallel, are_at_points, kinds, lamps_of
+from cltrace.plan.lights import Lamp, Move, are_at_points, kinds
 from cltrace.plan.lists import ONE_LIST
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array, rotated
@@ -138,7 +138,7 @@ class _SeenSpheres:
             return None
         inside, there = seen
         view = CameraView.without_lists(world, self.camera, packer.request, self.k)
-        self.lights = lamps_of(world.lights, view.arrays["light"], self.basis)
+        self.lights = [*map(Lamp, world.lights, view.arrays["light"])]
         skipped, start = dict(view.skipped), time.perf_counter()
         skipped["spheres equal to others"] = self.n - there
         self.light = view.arrays["light"]
@@ -219,7 +219,9 @@ class _SeenSpheres:
         light_buffer, idle = np.zeros((m, 4), np.int32), 0
         for number, light in enumerate(self.lights):
             first = len(writer.records)
-            idle += self.n - light.look(self, self.made | {"first": number * self.n}, writer)
+            idle += self.n - (self.from_point if light.at_point else self.along)(
+                light, self.made | {"first": number * self.n}, writer
+            )
             light_buffer[number] = first, len(writer.records) - first, -1, 0
         skipped[what] = idle
         if keeps:
@@ -240,10 +242,10 @@ class _SeenSpheres:
             self.made["light_filter"] = filters = tools.room(4 * (m * n + PACKET), np.float32, again=True)
             tools.copy(lamps.buffers["light_filter"], filters, 0, 16 * m * n)
         for number, light in enumerate(self.lights):
-            if isinstance(light, AtPoint):
+            if light.at_point:
                 self._run("turn_light", lamp=light.place * unit, first=number * n, light_filter=filters)
 
-    def along(self, light: Parallel, rows: Arguments, writer: ListWriter) -> int:
+    def along(self, light: Lamp, rows: Arguments, writer: ListWriter) -> int:
         """Packs spheres as a parallel light sees them, and adds its grid. Returns how many spheres are in it.
 
         rows: the light's buffers, and its first row there.
@@ -257,7 +259,7 @@ class _SeenSpheres:
         self._list(writer)
         return more
 
-    def from_point(self, light: AtPoint, rows: Arguments, writer: ListWriter) -> int:
+    def from_point(self, light: Lamp, rows: Arguments, writer: ListWriter) -> int:
         """Packs spheres as a light at a point sees them, and adds its grids.
 
         Returns how many spheres are in any of them. rows: see along().
