@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.limits import MAX_BOUNCES, MAX_PIXELS, MAX_SIDE
 from cltrace.scene.rules import FOV, FULL_FOV, NOT_NEGATIVE, POSITIVE, Vector, checked, described, is_whole, vector
-from cltrace.scene.surfaces import Surfaces
+
+if TYPE_CHECKING:
+    from cltrace.scene.scene import Scene
 
 Axis = Literal["x", "y"]
 Floats = NDArray[np.float64]
@@ -26,16 +28,6 @@ VIEWS: dict[str, Vector] = {
     "bottom": (0.0, -1.0, 0.0),
     "isometric": (1.0, 1.0, 1.0),
 }
-
-
-class Fitted(Protocol):
-    """What of a Scene a camera is fitted to. A scene has a camera, so no camera knows what a Scene is."""
-
-    @property
-    def camera(self) -> Any: ...
-
-    @property
-    def shapes(self) -> tuple[Surfaces, ...]: ...
 
 
 class Pose:
@@ -142,7 +134,7 @@ class Camera(Pose):
     @classmethod
     def fit(
         cls,
-        scene: Fitted,
+        scene: Scene,
         view: str | ArrayLike = "isometric",
         margin: float = 0.05,
         *,
@@ -243,7 +235,7 @@ class Orthographic(Pose):
     @classmethod
     def fit(
         cls,
-        scene: Fitted,
+        scene: Scene,
         view: str | ArrayLike = "isometric",
         margin: float = 0.05,
         *,
@@ -278,7 +270,7 @@ class Orthographic(Pose):
 AnyCamera = Camera | Orthographic
 
 
-def _facing(scene: Fitted, view: str | ArrayLike, up: ArrayLike | None, resolution: Any) -> dict[str, Any]:
+def _facing(scene: Scene, view: str | ArrayLike, up: ArrayLike | None, resolution: Any) -> dict[str, Any]:
     """Arguments of a camera at the origin that looks as one that is fitted to a scene will: see Camera.fit()."""
     if isinstance(view, str):
         if view not in VIEWS:
@@ -358,7 +350,7 @@ def checked_margin(margin: float) -> float:
     return 1 - 2 * free
 
 
-def reaches_of(scene: Fitted, directions: ArrayLike) -> Floats:
+def reaches_of(scene: Scene, directions: ArrayLike) -> Floats:
     """How far the surfaces of a scene reach: (k,), for each direction d the largest p.d of all points p on them.
 
     directions: (k, 3), of any length, in the world. Raises ValueError if the scene has no surfaces.
@@ -369,7 +361,7 @@ def reaches_of(scene: Fitted, directions: ArrayLike) -> Floats:
     return found
 
 
-def reaches_if_any(scene: Fitted, directions: ArrayLike) -> Floats | None:
+def reaches_if_any(scene: Scene, directions: ArrayLike) -> Floats | None:
     """The same, but None if the scene has no surfaces."""
     rows = np.asarray(directions, np.float64)
     parts = [part for shape in scene.shapes for part in shape.reach(rows)]

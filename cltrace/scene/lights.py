@@ -8,14 +8,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cltrace.base.limits import MAX_LIGHTS, hint
-from cltrace.scene.camera import Fitted, reaches_if_any
+from cltrace.scene.camera import reaches_if_any
 from cltrace.scene.colors import color_numbers
 from cltrace.scene.rules import ANY, CONE, NOT_NEGATIVE, check_not_bytes, checked, described, is_whole, numbers
+
+if TYPE_CHECKING:
+    from cltrace.scene.scene import Scene
 
 LIGHT = np.dtype(
     [
@@ -95,8 +99,8 @@ def sky_light(
         raise ValueError("light.below: goes with up, which is not given")
     down = -_three("up", (0, 1, 0) if up is None else up)
     alpha2 = 90 if up is not None and below is None else 180
-    more = {"below": color if below is None else below, "members": members_given("directions", directions)}
-    return _light(SKY, color, direction=down, alpha2=alpha2, **more)
+    low = color if below is None else below
+    return _light(SKY, color, direction=down, alpha2=alpha2, below=low, directions=directions)
 
 
 def sun_light(
@@ -111,8 +115,7 @@ def sun_light(
     Raises ValueError if an argument is not 3 numbers or one, or directions is not such a number; a direction of 0 is
     refused by the Scene.
     """
-    more = {"below": color, "members": members_given("directions", directions)}
-    return _light(SUN, color, direction=direction, alpha2=angle, **more)
+    return _light(SUN, color, direction=direction, alpha2=angle, below=color, directions=directions)
 
 
 def ball_light(
@@ -128,7 +131,7 @@ def ball_light(
     Raises ValueError if an argument is not 3 numbers or one, or points is not such a number; a radius that is not
     positive is refused by the Scene.
     """
-    return _light(BALL, color, position=position, radius=radius, members=members_given("points", points))
+    return _light(BALL, color, position=position, radius=radius, points=points)
 
 
 def panel_light(
@@ -145,7 +148,7 @@ def panel_light(
     by the Scene.
     """
     edges = [_three("across", across), _three("along", along)]
-    return _light(PANEL, color, position=position, edges=edges, members=members_given("points", points))
+    return _light(PANEL, color, position=position, edges=edges, points=points)
 
 
 def _three(name: str, value: ArrayLike) -> NDArray[np.float64]:
@@ -155,19 +158,18 @@ def _three(name: str, value: ArrayLike) -> NDArray[np.float64]:
     return array
 
 
-def members_given(name: str, count: int) -> int:
-    """A number of members. Raises ValueError, which names the argument, if it is none."""
-    if not is_whole(count) or not 1 <= count <= MAX_LIGHTS:
-        more = hint("lights") if is_whole(count) and count > MAX_LIGHTS else ""
-        raise ValueError(f"light.{name}: must be a whole number within 1..{MAX_LIGHTS}, got {described(count)}{more}")
-    return int(count)
-
-
 def _light(kind: int, color: ArrayLike, **given: ArrayLike) -> NDArray[np.void]:
     """Its values are checked by the scene that it becomes part of, which knows the light's index.
 
-    given: by the names of LIGHT; what is missing is 0, but for the direction.
+    given: by the names of LIGHT, but directions or points for members; what is missing is 0, but for the direction.
     """
+    for name in {"directions", "points"} & given.keys():
+        count: Any = given.pop(name)
+        if not is_whole(count) or not 1 <= count <= MAX_LIGHTS:
+            more = hint("lights") if is_whole(count) and count > MAX_LIGHTS else ""
+            within = f"must be a whole number within 1..{MAX_LIGHTS}, got {described(count)}{more}"
+            raise ValueError(f"light.{name}: {within}")
+        given["members"] = count
     given = {"color": color_numbers("light.color", color), "direction": (0, 0, -1), **given}
     if "below" in given:
         given["below"] = color_numbers("light.below", given["below"])
@@ -374,7 +376,7 @@ class SceneFrame:
     axes: (3, 3), its camera's right, up and back in the world; middle, radius: of a ball that holds its surfaces.
     """
 
-    def __init__(self, scene: Fitted) -> None:
+    def __init__(self, scene: Scene) -> None:
         self.axes = np.array(scene.camera.basis())
         self.middle, self.radius = np.zeros(3), 1.0
         reaches = reaches_if_any(scene, [*self.axes, *-self.axes])
@@ -426,6 +428,6 @@ def check_setting(name: str) -> None:
         raise ValueError(f"lights: must be one of {', '.join(SETTINGS)}, or a list of lights, got {name!r}")
 
 
-def setting(name: str, scene: Fitted) -> LightList:
+def setting(name: str, scene: Scene) -> LightList:
     """The lights of a setting for a scene."""
     return SETTINGS[name](SceneFrame(scene))

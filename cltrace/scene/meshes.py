@@ -303,9 +303,10 @@ def _checked_parts(
         raise TypeError(f"mesh.material: must be a cltrace.Material, got {described(material)}")
     if colors and material.texture is not None:
         raise ValueError("mesh.material: must have no texture where there are colors or values")
-    placed = PlacedMesh(geometry) if transform is None else _transformed(geometry, transform)
-    if not clipped:
-        placed = PlacedMesh(geometry, placed.to_world, clipped=False)
+    try:
+        placed = PlacedMesh(geometry, _matrix(transform), clipped=clipped)
+    except ValueError as error:
+        raise ValueError(str(error).replace("mesh.to_world", "mesh.transform", 1)) from None
     return {"geometry": geometry, "material": material, "placed": placed, "colors": colors}
 
 
@@ -314,25 +315,6 @@ def place_faults(to_world: NDArray[np.float64]) -> Iterator[str]:
     if (to_world[:, :3] != np.eye(3)).any():
         linear = to_world[None, :, :3]
         yield from (fault for _, fault in inverse_faults(linear, inverses(linear)))
-
-
-def check_meshes(meshes: object, materials: int) -> tuple[PlacedMesh, ...]:
-    """The placed meshes of a scene with so many materials. Raises ValueError and TypeError, which name the index."""
-    found = tuple(meshes) if isinstance(meshes, Iterable) else (meshes,)
-    last = -1
-    for i, mesh in enumerate(found):
-        if not isinstance(mesh, PlacedMesh):
-            raise TypeError(
-                f"meshes[{i}]: must be a cltrace.scene.PlacedMesh, got {described(mesh)}; "
-                "Scene.from_meshes() takes each cltrace.Mesh"
-            )
-        if mesh.material >= materials:
-            raise ValueError(f"meshes[{i}].material: must be the index of a material, got {mesh.material}")
-        if mesh.number <= last:
-            raise ValueError(f"meshes[{i}].number: must be greater than that of the mesh before, got {mesh.number}")
-        last = mesh.number
-    check_size(found)
-    return found
 
 
 def check_size(meshes: Iterable[PlacedMesh]) -> None:
@@ -376,7 +358,10 @@ def materials_shown(meshes: Iterable[Mesh], transfer: Transfer) -> list[Material
     return found
 
 
-def _transformed(geometry: Geometry, transform: ArrayLike) -> PlacedMesh:
+def _matrix(transform: ArrayLike | None) -> NDArray[np.float64]:
+    """(3, 4)"""
+    if transform is None:
+        return _IDENTITY
     matrix = numbers("mesh.transform", transform)
     if matrix.shape not in ((3, 3), (3, 4), (4, 4)):
         raise ValueError(f"mesh.transform: must have shape (3, 3), (3, 4) or (4, 4), got {matrix.shape}")
@@ -385,10 +370,7 @@ def _transformed(geometry: Geometry, transform: ArrayLike) -> PlacedMesh:
         raise ValueError(f"mesh.transform[3]: must be 0, 0, 0, 1, got {', '.join(f'{x:g}' for x in matrix[3])}")
     to_world = np.zeros((3, 4))
     to_world[:, : matrix.shape[1]] = matrix[:3]
-    try:
-        return PlacedMesh(geometry, to_world)
-    except ValueError as error:
-        raise ValueError(str(error).replace("mesh.to_world", "mesh.transform", 1)) from None
+    return to_world
 
 
 def _given(
@@ -476,7 +458,21 @@ class Meshes(NumberedSurfaces):
 
     @classmethod
     def checked(cls, given: Mapping[str, Any], materials: int, spheres: int) -> Meshes:
-        return cls(check_meshes(given["meshes"], materials))
+        found = tuple(given["meshes"]) if isinstance(given["meshes"], Iterable) else (given["meshes"],)
+        last = -1
+        for i, mesh in enumerate(found):
+            if not isinstance(mesh, PlacedMesh):
+                raise TypeError(
+                    f"meshes[{i}]: must be a cltrace.scene.PlacedMesh, got {described(mesh)}; "
+                    "Scene.from_meshes() takes each cltrace.Mesh"
+                )
+            if mesh.material >= materials:
+                raise ValueError(f"meshes[{i}].material: must be the index of a material, got {mesh.material}")
+            if mesh.number <= last:
+                raise ValueError(f"meshes[{i}].number: must be greater than that of the mesh before, got {mesh.number}")
+            last = mesh.number
+        check_size(found)
+        return cls(found)
 
     def __len__(self) -> int:
         return len(self.meshes)
