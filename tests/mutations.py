@@ -93,7 +93,7 @@ MUTATIONS = {
         LISTS,
     ),
     "of equal spheres the last one is kept": Python(
-        "plan.culling:repeated",
+        "plan.order:repeated",
         lambda original, center, radius, shape, number, by_place: original(center, radius, shape, -number, by_place),
         "tests/plan/test_culling.py -k of_equal_spheres",
     ),

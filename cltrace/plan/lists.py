@@ -20,10 +20,9 @@ from cltrace.plan.accel.grids import (
     whole_grid,
 )
 from cltrace.plan.accel.silhouettes import FINE_SLACK, SLACK, Discs, Silhouettes
-from cltrace.plan.culling import parallel_shadows, point_shadows
 from cltrace.plan.lights import Lamp
 from cltrace.plan.request import Request
-from cltrace.plan.rounding import Mask
+from cltrace.plan.rounding import Array, Mask, squared_length
 from cltrace.plan.shapes.shape import Sights
 from cltrace.plan.world import ScenePacking
 
@@ -131,3 +130,36 @@ class Grids:
         casting = np.asarray(shadows.any(axis=0) | ("receivers" in keep) | clipped)
         stops = int(((shadows.any(axis=1) | ("unstopped" in keep) | clipped) << np.arange(n)).sum())
         return iter([whole_grid(casting)] if casting.any() else []), stops
+
+
+def larger(radius: Array, slack: float) -> Array:
+    """The radii (n,), larger by more than rounding can move the silhouette of such a sphere.
+
+    slack: the relative error of lengths. Lengths are at most 4: an error of 16 slack in a discriminant, or in a squared
+    length, moves the silhouette of a sphere of radius r by less than 16 slack / r.
+    """
+    return radius + 16 * slack * (1 + 1 / radius)
+
+
+def point_shadows(discs: Discs, slack: float) -> Mask:
+    """(n, n): whether sphere [j] can stand between a point light and any point of sphere [i]. discs: from the light."""
+    roomy = larger(discs.radius, slack)
+    distance = np.sqrt(squared_length(discs.center))
+    # A light that is inside of a sphere, or all but, sees it in every direction.
+    clear = distance > roomy
+    safe = np.where(clear, distance, 1.0)
+    half = np.where(clear, np.arcsin(np.minimum(roomy / safe, 1)), np.pi)
+    direction = discs.center / safe[:, None]
+    cross = np.cross(direction[:, None], direction[None])
+    angle = np.arctan2(np.sqrt((cross * cross).sum(axis=-1)), direction @ direction.T)
+    loose = 16 * slack * (1 + 1 / safe)
+    overlap = angle <= (half + loose)[:, None] + (half + loose)[None]
+    return np.asarray(overlap & ((distance - roomy)[None] < (distance + roomy)[:, None]))
+
+
+def parallel_shadows(axes: Array, discs: Discs, slack: float) -> Mask:
+    """The same for a parallel light. axes: (3, 3), two across the light and one towards it; discs: from the eye."""
+    roomy = larger(discs.radius, slack) + slack * 16
+    u, v, s = axes @ discs.center.T
+    gap = np.hypot(u[:, None] - u[None], v[:, None] - v[None])
+    return np.asarray((gap <= roomy[:, None] + roomy[None]) & ((s + roomy)[None] > (s - roomy)[:, None]))

@@ -11,7 +11,7 @@ from stress_cases import OUTPUTS, picture, renderer
 import cltrace
 from cltrace import Camera, Material, Mesh, Scene
 from cltrace.picture.image import Output
-from cltrace.plan import culling, plan
+from cltrace.plan import lists, order, plan
 from cltrace.plan.abi import COUNTERS
 from cltrace.plan.accel import grids
 from cltrace.plan.accel.silhouettes import Discs
@@ -88,7 +88,7 @@ def test_which_spheres_may_shadow_others(parallel: bool) -> None:
             center, radius = np.array(centers) @ turn, np.array([r, other])
             discs = Discs(center, radius, (center**2).sum(axis=1) - radius**2)
             slack = 2.0**-20
-            found = culling.parallel_shadows(turn, discs, slack) if parallel else culling.point_shadows(discs, slack)
+            found = lists.parallel_shadows(turn, discs, slack) if parallel else lists.point_shadows(discs, slack)
             assert found[0, 1] == may
             assert not found[1, 0]  # it is further from the light
 
@@ -275,9 +275,9 @@ def test_of_equal_triangles_only_the_first_is_packed(many: int) -> None:
     other = corners.copy()
     other[:, 1, 2] = np.nextafter(other[:, 1, 2], 9)
     every = np.concatenate([again, other])
-    found = culling.repeated_faces(every.reshape(-1, 3), np.arange(3 * len(every), dtype=np.int32).reshape(-1, 3))
+    found = order.repeated_faces(every.reshape(-1, 3), np.arange(3 * len(every), dtype=np.int32).reshape(-1, 3))
     assert np.array_equal(found, np.arange(many, 6 * many))
-    assert not len(culling.repeated_faces(other.reshape(-1, 3), np.arange(3 * many, dtype=np.int32).reshape(-1, 3)))
+    assert not len(order.repeated_faces(other.reshape(-1, 3), np.arange(3 * many, dtype=np.int32).reshape(-1, 3)))
 
 
 @pytest.mark.slow

@@ -16,10 +16,9 @@ from cltrace.base.arrays import blockwise, empty, joined, widened
 from cltrace.plan.abi import CONSTANTS, Precision, dtype_of, real_dtype
 from cltrace.plan.accel.silhouettes import Polygons
 from cltrace.plan.accel.tree import Paths
-from cltrace.plan.culling import repeated_faces
 from cltrace.plan.lights import Lamp
 from cltrace.plan.materials import may_bounce
-from cltrace.plan.order import MANY, order_of_rows
+from cltrace.plan.order import MANY, order_of_rows, repeated_faces
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array, Ints, U, along, rotated
 from cltrace.plan.shapes.shape import Arrays, InView, ShapePacking, Sights, share

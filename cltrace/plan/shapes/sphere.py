@@ -19,9 +19,8 @@ from cltrace.base.arithmetic import inverses, two_sum, whole_inverse
 from cltrace.plan.abi import CONSTANTS, dtype_of, real_dtype
 from cltrace.plan.accel.silhouettes import FINE_SLACK, Discs, Silhouettes
 from cltrace.plan.accel.tree import Paths
-from cltrace.plan.culling import repeated
 from cltrace.plan.lights import Lamp
-from cltrace.plan.order import MANY, gathered, spatial_order, step
+from cltrace.plan.order import MANY, gathered, repeated, spatial_order, step
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import (
     Array,
