@@ -24,8 +24,7 @@ from cltrace.plan.abi import Precision
 from cltrace.renderers.renderer import render
 from cltrace.run.devices import Device
 from cltrace.scene import Camera, Scene
-from cltrace.students.comparison import Bytes, Cause, Comparison
-from cltrace.students.places import places
+from cltrace.students.comparison import Bytes, Cause, Comparison, places
 from cltrace.students.rules import RIGHT, Rules
 from cltrace.students.search import LIKELY, Search, Verdict
 from cltrace.students.tracer import to_bytes

@@ -12,7 +12,7 @@ from typing import Any, Literal, get_args
 
 from cltrace.explanation.explanation import Explanation
 from cltrace.explanation.textbook import Triple
-from cltrace.students.places import members
+from cltrace.students.comparison import members
 
 Moves = Literal["orbit", "pan", "zoom", "fit", "parallel", "back", "undo", "fov", "reset"]
 Settings = Literal["show", "samples", "light", "frame", "shown"]

@@ -28,8 +28,7 @@ from cltrace.picture.image import Image
 from cltrace.plan.request import LATTICES
 from cltrace.renderers.rays import trace_rays
 from cltrace.scene import AnyCamera, Camera, Scene
-from cltrace.students.comparison import Comparison
-from cltrace.students.places import look_at
+from cltrace.students.comparison import Comparison, look_at
 from cltrace.viewer import cameras
 from cltrace.viewer.messages import Event, Message, Questions, as_json
 from cltrace.viewer.stage import ERROR, VIEWS, Drawn, OverError, Phase, Stage

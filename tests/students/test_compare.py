@@ -22,8 +22,8 @@ from wrong_tracers import MAKERS, PAIRS, TUTORIAL, VECTOR, Bytes, tracer
 import cltrace
 from cltrace import cli
 from cltrace.students import search
+from cltrace.students.comparison import look_at
 from cltrace.students.mistakes import BY_NAME
-from cltrace.students.places import look_at
 from cltrace.students.rules import RIGHT
 from cltrace.students.tracer import Tracer, to_bytes
 from cltrace.students.whole import is_smooth
