@@ -69,12 +69,6 @@ def test_bonds_move_with_their_ends() -> None:
     assert with_spheres(painted, {"ks": 0.1}).cylinders is painted.cylinders
 
 
-def test_cylinders_of_two_colors_meet_in_the_middle() -> None:
-    scene = balls().with_cylinders([(0, 0, 0)], [(0, 0, 2)], 0.5, [[(1, 0, 0), (0, 0, 1)]])
-    assert scene.cylinders["end"][0].tolist() == scene.cylinders["start"][1].tolist() == [0, 0, 1]
-    assert "2 cylinders" in repr(scene)
-
-
 def test_scenes_with_cylinders_are_copied_and_pickled() -> None:
     scene = balls(bonds=[(0, 1)], bond_radius=0.1).with_cylinders([(0, 0, 0)], [(0, 0, 2)], 0.5, material=Material())
     for other in (pickle.loads(pickle.dumps(scene)), replace(scene), scene.seen_by(CAMERA)):
@@ -92,8 +86,10 @@ def test_boxes_and_axes() -> None:
     assert ends.tolist() == [[3, 0, 0], [1, 2, 0], [1, 0, 2]]
 
 
-def test_cameras_fit_cylinders() -> None:
-    scene = Scene.from_spheres(CAMERA, ambient_light(), [], []).with_cylinders([(0, 0, 0)], [(0, 4, 0)], 1)
+def test_cylinders_of_two_colors_meet_in_the_middle_and_cameras_fit_them() -> None:
+    scene = Scene.from_spheres(CAMERA, ambient_light(), [], [])
+    scene = scene.with_cylinders([(0, 0, 0)], [(0, 4, 0)], 1, [[(1, 0, 0), (0, 0, 1)]])
+    assert scene.cylinders["end"][0].tolist() == scene.cylinders["start"][1].tolist() == [0, 2, 0]
     camera = Camera.fit(scene, view="front", resolution=(40, 40), margin=0)
     assert np.allclose(camera.lookat[1], 2, atol=0.5)
 
