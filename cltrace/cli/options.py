@@ -231,18 +231,8 @@ def parser(whole: bool = True) -> argparse.ArgumentParser:
     usual("--transparent", action="store_true", help="nothing instead of the background: a PNG with alpha")
     usual("--antialias", action="store_true", help="colours are means over pixels")
     rare("--samples", type=int, choices=LATTICES, metavar="N", help="rays of --antialias (default: 32)")
-    rare(
-        "--outline",
-        type=outline,
-        metavar="COLOR,WIDTH",
-        help="lines of WIDTH pixels around surfaces",
-    )
-    rare(
-        "--fog",
-        type=fog,
-        metavar="COLOR,NEAR,FAR",
-        help="surfaces fade to a colour between these distances",
-    )
+    rare("--outline", type=outline, metavar="COLOR,WIDTH", help="lines of WIDTH pixels around surfaces")
+    rare("--fog", type=fog, metavar="COLOR,NEAR,FAR", help="surfaces fade to a colour between these distances")
     usual("--truncate", action="store_true", help="bytes are trunc(255 c), as in the course's own pictures")
     more = "another limit: of lights, spheres, rays, instances and more"
     rare("--limit", type=limit, action="append", default=[], metavar="NAME=VALUE", help=more)
@@ -251,20 +241,10 @@ def parser(whole: bool = True) -> argparse.ArgumentParser:
     around = "N frames around the scene: -o frame%%04d.png, .mp4, .gif or .apng"
     usual("--orbit", type=several, metavar="N", help=around)
     rare("--axis", type=axis, metavar="x|y|z|X,Y,Z", help="of --orbit (default: the camera's up)")
-    rare(
-        "--degrees",
-        type=degrees,
-        metavar="A",
-        help="of --orbit (default: 360)",
-    )
+    rare("--degrees", type=degrees, metavar="A", help="of --orbit (default: 360)")
     picked = "only these of the frames, or of the scenes, from 0 on, B excluded; or one number"
     rare("--frames", type=frames, metavar="A:B:S", help=picked)
-    rare(
-        "--fps",
-        type=fps,
-        metavar="F",
-        help="frames a second of a movie (default: 25)",
-    )
+    rare("--fps", type=fps, metavar="F", help="frames a second of a movie (default: 25)")
     rare("--skip-existing", action="store_true", help="keep PNGs that are there and show what they should")
     rare("--view", action="store_true", help="in the browser; the same as cltrace view")
     rare("--watch", action="store_true", help="do it again when the scene, a mesh or a texture is saved")
@@ -290,12 +270,7 @@ def parser(whole: bool = True) -> argparse.ArgumentParser:
     usual("--explain", type=pixel, metavar="X,Y", help=why)
     rare("--trace", action="store_true", help="with --explain: its numbers as a table, for diff")
     usual("--compare", metavar="MINE.png", help="say how a picture differs, and why; exit 1 if it does")
-    rare(
-        "--tolerance",
-        type=levels,
-        metavar="N",
-        help="with --compare: levels that are the same (default 1)",
-    )
+    rare("--tolerance", type=levels, metavar="N", help="with --compare: levels that are the same (default 1)")
     rare("--json", action="store_true", help="with --explain and --compare: one JSON object")
     text_or_json = {"const": "text", "type": form, "choices": ("text", "json"), "metavar": "text|json"}
     usual("--stats", nargs="?", **text_or_json, help="times and counts")
