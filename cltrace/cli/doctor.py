@@ -156,8 +156,8 @@ def _writable(folder: Path) -> str:
 def picture() -> cltrace.Scene:
     """A small scene with each kind of light, shadows, highlights, a ground, and a ball just before another one.
 
-    Doubles cannot tell which of the two is first: so a device with two programs has to compile both, see
-    cltrace/run/undecided.py.
+    Doubles cannot tell which of the two is first: so a device with two programs has to compile both, see Undecided of
+    cltrace/run/executor.py.
     """
     camera = cltrace.Camera(position=(0, 1, 6), lookat=(0, 0, 0), horizontal_fov=24, resolution=(48, 36))
     lights = [

@@ -18,14 +18,14 @@ from cltrace.base.progress import bar
 from cltrace.picture.composition import Composition
 from cltrace.picture.effects import Effects, Shares
 from cltrace.picture.image import Image, Output
-from cltrace.plan.abi import Precision
+from cltrace.plan.abi import OUTPUTS, Precision, dtype_of
 from cltrace.plan.materials import precision_for
 from cltrace.plan.plan import Plan, passes_of
 from cltrace.plan.request import WIDTHS, Crop, Keep, Region, Request, is_whole
 from cltrace.plan.view import CameraView
 from cltrace.plan.world import Before, ScenePacking
 from cltrace.run.devices import DRIVERS, Device, check_process, choose, driver_errors
-from cltrace.run.executor import Executor, FrameBuffers, Made, bytes_a_pixel, deadline
+from cltrace.run.executor import Executor, FrameBuffers, Made, deadline
 from cltrace.run.pack import packer_of, view_by
 from cltrace.scene import AnyCamera, Scene, share_all_but_camera, with_spheres
 
@@ -418,7 +418,8 @@ class Renderer:
     @property
     def bytes_a_pixel(self) -> int:
         """How much memory the outputs of a pixel take."""
-        return bytes_a_pixel(self.request.outputs, self.precision)
+        outputs = (OUTPUTS[name] for name in self.request.outputs)
+        return sum(output.channels * dtype_of(output.type, self.precision).itemsize for output in outputs)
 
     @property
     def skipped(self) -> dict[str, int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -52,16 +52,6 @@ Made = tuple[Plan, dict[str, Any]]
 ALL, OVER = np.iinfo(np.int32).max, np.iinfo(np.int32).min
 # Flags of both programs, and of the first one alone.
 BOTH, FIRST = "IN_STAGES", "WITHOUT_RARE"
-
-
-def margin_of(region: Region) -> tuple[int, int]:
-    """How many columns and rows of the tile in which a region begins are not in it."""
-    return region[0] % CONSTANTS["TILE"], region[1] % CONSTANTS["TILE"]
-
-
-def bytes_a_pixel(outputs: Iterable[str], precision: Precision) -> int:
-    """How many bytes a pixel of these outputs has in a frame."""
-    return sum(OUTPUTS[n].channels * dtype_of(OUTPUTS[n].type, precision).itemsize for n in outputs)
 
 
 def deadline() -> float:
@@ -299,8 +289,9 @@ class Executor:
 
     @property
     def _margin(self) -> tuple[int, int]:
-        """A frame has it, too, as no packet may be in two tiles."""
-        return margin_of(self.region)
+        """How many columns and rows of the tile in which the region begins are not in it. A frame has them, too, as no
+        packet may be in two tiles."""
+        return self.region[0] % CONSTANTS["TILE"], self.region[1] % CONSTANTS["TILE"]
 
     def frame(self) -> FrameBuffers:
         """Room for one frame. Its arrays hold nothing yet."""

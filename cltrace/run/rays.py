@@ -57,8 +57,8 @@ class Found:
 
 class RayTracer:
     """A scene on a device that has doubles. number, primitive: (n,), of the surfaces in the scene and of triangles in
-    their mesh, -1 for others. row: (n,), which one of its shape in the scene each is, counted through all meshes.
-    moderate: whether all sizes are such that the kernel may decide about them. For one thread at a time.
+    their mesh, -1 for others. moderate: whether all sizes are such that the kernel may decide about them. For one
+    thread at a time.
     """
 
     def __init__(self, scene: Scene, device: Device) -> None:
