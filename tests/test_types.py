@@ -23,7 +23,6 @@ from cltrace import (
     colorbar,
     explain,
     parallel_light,
-    point_light,
     render,
     spot_light,
 )
@@ -36,33 +35,18 @@ SCENE = Scene.from_spheres(Camera(), [], [(0, 0, -3)], 1)
 def test_vectors_may_be_tuples_lists_and_arrays() -> None:
     camera = Camera(position=np.zeros(3), lookat=[0, 0, -1], up=(0, 1, 0), resolution=(2, 1))
     assert_type(camera.position, tuple[float, float, float])
-    lights = [
-        ambient_light(np.ones(3)),
-        parallel_light([0, 0, -1]),
-        point_light((0, 0, 0)),
-        spot_light((0, 0, 0), [0, 0, 1], 1, 2),
-    ]
+    lights = [ambient_light(np.ones(3)), parallel_light([0, 0, -1]), spot_light((0, 0, 0), [0, 0, 1], 1, 2)]
     one: Scene = Scene.from_spheres(
         camera, lights, np.zeros((4, 3)), 1.0, [0.5, 0.5, 0.5], kd=np.ones(4), background=[0, 0, 0]
     )
-    two: Scene = Scene.from_spheres(
-        camera,
-        lights[0],
-        [(0, 0, 0)],
-        [1],
-        reflectance=0.5,
-        transmittance=[0.5],
-        index=1.5,
-        transform=np.diag([1, 2, 3]),
-    )
+    two: Scene = Scene.from_spheres(camera, lights[0], [(0, 0, 0)], [1], reflectance=0.5, transform=np.diag([1, 2, 3]))
     shown: Scene = Scene.from_spheres(
         camera, [], np.zeros((2, 3)), 1, values=[1, 2], cmap="gray", clim=(0, 3), background="#fff0", transfer="srgb"
     )
     named: Scene = Scene.from_spheres(camera, ambient_light("white"), [(0, 0, 0)], 1, ["red"], background=(1, 1, 1, 0))
     assert shown.in_front_of("white").background_alpha == 1 > named.background_alpha
     assert_type(colorbar(clim=(0, 2), color="red"), NDArray[np.uint8])
-    assert len(one.spheres) == 4
-    assert len(two.lights) == 1
+    assert (len(one.spheres), len(two.lights)) == (4, 1)
     assert_type(one.background, tuple[float, float, float])
     assert_type(two.to_object, NDArray[np.float64])
     three: Scene = Scene(camera, two.lights, two.spheres, two.materials, to_object=[((1, 0, 0), (0, 1, 0), (0, 0, 2))])
