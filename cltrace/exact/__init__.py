@@ -3,6 +3,6 @@
 Nothing is rounded but what it returns as a double.
 
 surds.py   numbers p + q sqrt(s) with integers
-lines.py   points, lines, where a line meets a surface, and the order of that
+lines.py   points, lines, where a line meets a surface, and the order of that; clipping planes
 shapes.py  spheres and ellipsoids, triangles, cylinders
 """

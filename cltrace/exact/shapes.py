@@ -12,8 +12,7 @@ from functools import cached_property
 from typing import Literal
 
 from cltrace.base.arithmetic import adjugate, cross, dot
-from cltrace.exact.clipping import Height
-from cltrace.exact.lines import Equation, ExactPoint, Line, Root, Vector, sign_along, sum_times
+from cltrace.exact.lines import Equation, ExactPoint, Height, Line, Root, Vector, sign_along, sum_times
 from cltrace.exact.surds import Surd, over_common
 
 Part = Literal["side", "start", "end"]

@@ -33,9 +33,8 @@ from cltrace.explanation.words import Names
 from cltrace.reference import Direction, Intersection, Pixel, Point, Ray, Start, Surface, Texture, byte_of, world_of
 from cltrace.reference.lights import SpotLight
 from cltrace.reference.rays import view_of
-from cltrace.reference.records import Illumination, Shading, Sight
 from cltrace.reference.surfaces import UV
-from cltrace.reference.trace import closest_hit, follow, primary_ray, trace
+from cltrace.reference.trace import Illumination, Shading, Sight, closest_hit, follow, primary_ray, trace
 from cltrace.reference.ways import Meeting, behind, blockers, meetings
 from cltrace.scene import AMBIENT, SOFT, AnyCamera, Camera, Orthographic, Scene
 from cltrace.scene.colors import encoded

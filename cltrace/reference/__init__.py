@@ -17,9 +17,9 @@ the files in this order:
     bounce.py      where a ray goes on from a mirror or through glass: bounces, mirrored, refracted
     clipping.py    Region, what clipping planes keep, and the caps of what they open
     world.py       World: a scene as these objects, and the table of shapes
-    records.py     what is decided on the way: Illumination, Shading, Sight; Pixel, which sums up what rays see
-    trace.py       the algorithm: primary_ray, closest_hit, intersection_at, cast_shadow_ray, illuminate, shade,
-                   follow, trace
+    trace.py       what is decided on the way: Illumination, Shading, Sight; Pixel, which sums up what rays see; and the
+                   algorithm: primary_ray, closest_hit, intersection_at, cast_shadow_ray, illuminate, shade, follow,
+                   trace
     ways.py        all that is on a ray's way, for explanations, and what any rays of the world meet
 
 That is a complete ray tracer. It takes any ray: from any point, over any range of t, from outside and from inside.
@@ -32,11 +32,11 @@ What holds a picture against the reference is not here, but in cltrace/students/
 from cltrace.reference.bounce import mirrored, refracted
 from cltrace.reference.lights import Light, ShadowRay
 from cltrace.reference.rays import Ray, Start
-from cltrace.reference.records import Pixel, byte_of
 from cltrace.reference.spheres import Sphere
 from cltrace.reference.surfaces import Intersection, Material, Surface, Texture, comes_first
+from cltrace.reference.trace import Pixel
 from cltrace.reference.triangles import Mesh, Triangle
-from cltrace.reference.vectors import EYE, Color, Direction, Point
+from cltrace.reference.vectors import EYE, Color, Direction, Point, byte_of
 from cltrace.reference.world import World, world_of
 
 __all__ = [

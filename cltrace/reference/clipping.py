@@ -1,7 +1,7 @@
 """Clipping: each ray is limited to its range within the convex region that the scene's planes keep.
 
 A ray enters the region where it has passed the last of the planes by which it comes in, and leaves it where it passes
-the first one by which it goes out, see exact.clipping. So what a ray meets counts if its height above every plane is at
+the first one by which it goes out, see exact.lines. So what a ray meets counts if its height above every plane is at
 least 0. A ray that starts on a clipped surface starts in the region, but for rounding, and has only an end.
 
 A ray that enters the region inside of a closed surface meets a cap there. The other end of a convex surface need not be
@@ -16,8 +16,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from cltrace.exact.clipping import ExactPlane, Height, entry_of
-from cltrace.exact.lines import ExactPoint, Line, Root
+from cltrace.exact.lines import ExactPlane, ExactPoint, Height, Line, Root, entry_of
 from cltrace.reference.lights import ShadowRay
 from cltrace.reference.rays import NOWHERE, Ray, Start, View, exact_line
 from cltrace.reference.surfaces import Intersection, Material, Setting, Shape, Surface

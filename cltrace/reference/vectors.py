@@ -18,6 +18,11 @@ def color_of(value: NDArray[np.float64]) -> Color:
     return (r, g, b)
 
 
+def byte_of(value: float, truncate: bool = False) -> int:
+    """0..255, linear: rounded to nearest, or down as the course's own pictures are."""
+    return int(max(0.0, min(1.0, value)) * 255 + (0.0 if truncate else 0.5))
+
+
 @dataclass(frozen=True, slots=True)
 class Direction:
     """A difference of points: it can be scaled, added and multiplied, but is nowhere."""

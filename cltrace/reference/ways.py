@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from cltrace.base.arithmetic import Floats
 from cltrace.reference.lights import ShadowRay
 from cltrace.reference.rays import Ray
-from cltrace.reference.records import Illumination
 from cltrace.reference.surfaces import Intersection, Surface, first_met
-from cltrace.reference.trace import closest_hit
+from cltrace.reference.trace import Illumination, closest_hit
 from cltrace.reference.vectors import Direction, Point
 from cltrace.reference.world import World, world_of
 from cltrace.scene import Camera, Scene
