@@ -122,11 +122,6 @@ def draw_on(image: Image, number: int, each: Each) -> None:
         image.rgba8 = np.array(pixels)
 
 
-def colors(image: Image, scene: Scene) -> Pixels:
-    """The pixels of an image that a movie shows unless it is told otherwise."""
-    return np.asarray(image)
-
-
 class FrameFiles:
     """The files of frames: a PNG for each, or a movie of all.
 
@@ -161,7 +156,7 @@ class FrameFiles:
         self,
         frames: Iterable[MovieFrame],
         renderer: FrameRenderer,
-        pixels_of: Callable[[Image, Scene], Pixels] = colors,
+        pixels_of: Callable[[Image, Scene], Pixels] = lambda image, scene: np.asarray(image),
         look: object = "",
         progress: bool | None = None,
         total: int | None = None,
