@@ -94,6 +94,18 @@ def test_R2_duplicates_and_permutations(device: Device, width: int) -> None:
 
 
 @mostly
+@each("I2", "I4")
+def test_I_along_the_axis(device: Device, precision: str, case: Case) -> None:
+    """From the surface, outward is a miss, tangential too, and inward t = 2b/a; from the centre, t is the radius."""
+    for scene, image in drawn(case, device, precision):
+        sphere, ahead = scene.spheres[0], -np.array(scene.camera.basis()[2])
+        far = 2 * float(sphere["center"] @ ahead) if case.name == "I2" else sphere["radius"]
+        assert ((image.normal * image.direction).sum(axis=-1)[image.id >= 0] < 0).all()
+        assert image.id[middle(image)] == (0 if far > 0 else -1)
+        assert image.depth[middle(image)] == (far if far > 0 else np.inf)
+
+
+@mostly
 @pytest.mark.parametrize(
     ("name", "bright"),
     [("L2", (True, True, False, False, False, False, True)), ("L5", (True, False)), ("L3", (False, False))],
