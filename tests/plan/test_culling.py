@@ -114,21 +114,6 @@ def test_highlights_too_faint_for_a_byte(device: Device) -> None:
     assert renderer(brighter, device).work()["highlights computed"] > work["highlights computed"]
 
 
-def test_of_equal_spheres_the_first_one_counts_in_any_order(device: Device) -> None:
-    """5,000 spheres are sorted by place; every one is there twice."""
-    rng = np.random.default_rng(3)
-    centers, radii = rng.uniform(-2.5, 2.5, (2500, 3)), rng.uniform(0.05, 0.1, 2500)
-    again = rng.permutation(2500)
-    scene = Scene.from_spheres(
-        CAMERA, [LAMP, SUN], np.concatenate([centers, centers[again]]), np.concatenate([radii, radii[again]])
-    )
-    for precision in ("accurate", "single", "double"):
-        ids = picture(scene, device, precision).id
-        assert ids.max() < 2500
-        assert len(np.unique(ids)) > 500
-        compare(scene, device, ("order", "lists", "receivers"), precision)
-
-
 @pytest.mark.slow
 def test_what_very_many_spheres_get_is_the_same_picture(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """Few spheres are treated as a million: fetched ahead, sorted by place, on coarser levels."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from glowing import A, glowing
 from random_scenes import random_scene
 
 import cltrace
-from cltrace import Renderer, Scene, TooManyRaysError, cli
+from cltrace import Renderer, Scene, TooManyRaysError
 from cltrace.plan.abi import COUNTERS
 from cltrace.plan.lights import useful_lights
 from cltrace.plan.materials import Materials, brightest
@@ -218,25 +217,3 @@ def test_a_renderer_draws_on_after_that(device: Device) -> None:
         renderer.render()
     away = renderer.look(replace(scene.camera, lookat=(0, 0, 1)))
     assert not away.render().rgb8.any()
-
-
-SCENE = """<scene output_file="shells.png"><background_color r="0" g="0" b="0"/>
-<camera><position x="0" y="0" z="0"/><lookat x="0" y="0" z="-1"/><up x="0" y="1" z="0"/><horizontal_fov angle="45"/>
-<resolution horizontal="1" vertical="1"/><max_bounces n="22"/></camera>
-<lights><ambient_light><color r="1" g="1" b="1"/></ambient_light></lights><surfaces>{}</surfaces></scene>"""
-SPHERE = """<sphere radius="{}"><position x="0" y="0" z="0"/><material_solid><color r="1" g="1" b="1"/>
-<phong ka="1" kd="0" ks="0" exponent="1"/><reflectance r="0.5"/><transmittance t="0.5"/><refraction iof="1.5"/>
-</material_solid></sphere>"""
-
-
-@pytest.mark.slow
-def test_the_command_says_so_and_writes_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], device: Device
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("shells.xml").write_text(SCENE.format("".join(SPHERE.format(1 + k / 64) for k in range(24))), "utf-8")
-    assert cli.main(["shells.xml", "-d", device.spec]) == 2
-    error = "camera.max_bounces: must be lower than 22, with which pixel (0, 0) takes more than 1,048,576 rays; "
-    error += "--limit rays=N or CLTRACE_LIMITS allows more"
-    assert capsys.readouterr().err.splitlines()[-1] == f"cltrace: {error}"
-    assert [path.name for path in tmp_path.iterdir()] == ["shells.xml"]

@@ -490,29 +490,12 @@ def test_what_is_not_in_the_picture_casts_shadows_into_it(light: str) -> None:
 # -------------------------------------------------------------------------------------------------------- little else
 
 
-def shell() -> Scene:
-    """1,000 balls on a sphere around the middle."""
-    where = unit(np.random.default_rng(10), 1000)
-    return balls(looking(tan=0.6, size=(64, 48)), [((3 * w + (0, 0, -8)).tolist(), 0.1) for w in where])
-
-
-def grid_of_balls() -> Scene:
-    """1,000 balls, ten a side."""
-    at = np.arange(10) - 4.5
-    return balls(looking(tan=0.6, size=(64, 48)), [((x, y, z - 14), 0.3) for x in at for y in at for z in at])
-
-
-@pytest.mark.parametrize(
-    ("make", "pixels", "sun", "lamp"),
-    [(lambda: cloud(1000, (64, 48)), 10, 4.8, 5.5), (shell, 12.1, 5.4, 5.9), (grid_of_balls, 6.4, 9.2, 10.3)],
-    ids=["box", "shell", "grid"],
-)
-def test_little_else_is_offered(make: Callable[[], Scene], pixels: float, sun: float, lamp: float) -> None:
+def test_little_else_is_offered() -> None:
     """For each sphere that a ray meets, so many are in its lists; the bounds are what was measured and 3 % more."""
-    scene = make()
+    scene = cloud(1000, (64, 48))
     points = on_surfaces(scene, 300)
-    assert check_pixels(scene, np.arange(0, 64 * 48, 7)) <= pixels
-    for light, most in (("sun aslant", sun), ("lamp far away", lamp)):
+    assert check_pixels(scene, np.arange(0, 64 * 48, 7)) <= 10
+    for light, most in (("sun aslant", 4.8), ("lamp far away", 5.5)):
         assert check_light(replace(scene, lights=np.concatenate(LIGHTS[light])), points) <= most
 
 

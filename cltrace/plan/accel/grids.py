@@ -7,8 +7,9 @@ the direction cube (Haines and Greenberg 1986), unless nothing is to be seen the
 
 A grid may be hierarchical: level 0 has the finest cells, and each level above it has cells of twice the side. A ray
 then looks at one cell of each level that holds anything. The lists that are made here, of small scenes, are on one
-level: the finest that takes few enough entries. The list of a cell is in depth order, by the surfaces' nearest points,
-so that a search ends as soon as those lie behind what was found.
+level: the finest that takes few enough entries. A surface is entered in those cells of the rectangle around it that
+its silhouette's lines leave. The list of a cell is in depth order, by the surfaces' nearest points, so that a search
+ends as soon as those lie behind what was found.
 
 Bounds are wider than all rounding, here and in the kernel, can ask for. So a list may hold a surface in vain, but it
 lacks none that a ray meets first, and no list changes a picture. (In single some extreme scenes are an exception:
@@ -210,9 +211,13 @@ def listed(grid: CellGrid) -> tuple[Ints, Ints, int]:
 
 def runs_of(grid: CellGrid) -> tuple[CellMembers, int]:
     """The members in rows of cells, on the finest level on which they take few enough entries, and that level."""
+    limit, top = 4 * len(grid.members.member) + SPARE, grid.members.covers[1].astype(np.int64)
     for level in range(16):
+        rows = ((top + grid.members.covers[3]) >> level) - (top >> level) + 1
+        if level < 15 and rows.sum() > limit:
+            continue
         runs = grid.members.rows(level)
-        if int(runs.covers[2].sum(dtype=np.int64)) + len(runs.member) <= 4 * len(grid.members.member) + SPARE:
+        if int(runs.covers[2].sum(dtype=np.int64)) + len(runs.member) <= limit:
             break
     return runs, level
 
