@@ -281,18 +281,13 @@ def test_spheres_that_are_far_for_their_size_before_a_turned_camera(exponent: in
     seen = []
     for _ in range(40):
         scene = turned_scene(rng, 10.0**-exponent)
-        world, i, (centers, radii) = (
-            world_of(scene),
-            int(rng.integers(6)),
-            (scene.spheres[k] for k in ("center", "radius")),
-        )
+        world, i = world_of(scene), int(rng.integers(6))
+        centers, radii = scene.spheres["center"], scene.spheres["radius"]
         # No double triple is that well aimed. The ray starts near the sphere, then, in front of it.
         n, side = map(unit, rng.normal(size=(2, 3)))
         side = unit(np.cross(n, side))
-        start, place = (
-            balls_of(world)[i].start(Direction(*n)),
-            exact_rays.OnSphere(centers[i], radii[i], in_world(scene, n)),
-        )
+        start = balls_of(world)[i].start(Direction(*n))
+        place = exact_rays.OnSphere(centers[i], radii[i], in_world(scene, n))
         aimed = -n + side * rng.uniform(0.9, 1.1) * rng.choice([1, 1e9])
         # From the eye, towards the centre as well as doubles can.
         ahead = np.array(tuple(balls_of(world)[i].center))
@@ -310,11 +305,8 @@ def test_equally_near_is_exactly_so() -> None:
     """Mirror images in the plane of the ray are equally near, an ulp of a radius unties them, and so do 2^-80."""
     ray = Ray(EYE, Direction(0, 0.03, -1))
     pair = [(0.5, 0.25, -5, 1.7), (-0.5, 0.25, -5, 1.7)]
-    at = hit(ray, *pair)
-    assert at is not None
-    assert at.index == 0
-    bigger = math.nextafter(1.7, 2)
-    for i, spheres in enumerate(([(*pair[0][:3], bigger), pair[1]], [pair[0], (*pair[1][:3], bigger)])):
+    larger = [(*ball[:3], math.nextafter(1.7, 2)) for ball in pair]
+    for i, spheres in ((0, pair), (0, [larger[0], pair[1]]), (1, [pair[0], larger[1]])):
         at = hit(ray, *spheres)
         assert at is not None
         assert at.index == i
