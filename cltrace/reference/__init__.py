@@ -30,22 +30,19 @@ What holds a picture against the reference is not here, but in cltrace/students/
 """
 
 from cltrace.reference.bounce import mirrored, refracted
-from cltrace.reference.lights import Light, ShadowRay
+from cltrace.reference.lights import ShadowRay
 from cltrace.reference.rays import Ray, Start
 from cltrace.reference.spheres import Sphere
-from cltrace.reference.surfaces import Intersection, Material, Surface, Texture, comes_first
+from cltrace.reference.surfaces import Intersection, Surface, Texture
 from cltrace.reference.trace import Pixel
 from cltrace.reference.triangles import Mesh, Triangle
-from cltrace.reference.vectors import EYE, Color, Direction, Point, byte_of
+from cltrace.reference.vectors import EYE, Direction, Point, byte_of
 from cltrace.reference.world import World, world_of
 
 __all__ = [
     "EYE",
-    "Color",
     "Direction",
     "Intersection",
-    "Light",
-    "Material",
     "Mesh",
     "Pixel",
     "Point",
@@ -58,7 +55,6 @@ __all__ = [
     "Triangle",
     "World",
     "byte_of",
-    "comes_first",
     "mirrored",
     "refracted",
     "world_of",
