@@ -44,7 +44,8 @@ def last_of_ties(first_of: Callable[..., Any], kinds: Any, rays: Any, ray: int, 
 
 def one_file_for_two(targets_of: Callable[..., Any], scene: Any, options: Any, *more: Any) -> Any:
     different = {os.path.realpath(name): name for name in options.output or ()}
-    return targets_of(scene, replace(options, output=list(different.values()) or None), *more)
+    single = type(options)(**vars(options) | {"output": list(different.values()) or None})
+    return targets_of(scene, single, *more)
 
 
 async def any_host(guarded: Callable[..., Any], server: Any, request: Any, handler: Callable[[Any], Any]) -> Any:
