@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from cltrace.base.waiting import Announcement
 from cltrace.plan.request import Request
-from cltrace.plan.shapes.mesh import MeshPacking
 from cltrace.plan.view import CameraView
 from cltrace.plan.world import ScenePacking
 from cltrace.run.devices import Device, driver_errors
@@ -37,8 +36,7 @@ def packer_of(
     before: of another world on this device, whose spare memory is used again; again: whether there was a CameraView of
     this world. Raises BuildError and DeviceError as Executor does.
     """
-    surfaces = len(world.id)
-    if surfaces + len(world.of_shape(MeshPacking).number) <= MANY and not (again and surfaces > MANY // PART_AGAIN):
+    if len(world.id) <= (MANY // PART_AGAIN if again else MANY):
         return None
     # Small scenes start faster without these.
     from cltrace.run.pack.meshes import MeshPacker
