@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from cltrace.base.arithmetic import dot
-from cltrace.exact.lines import ExactPoint, Frame, Line, Root
+from cltrace.exact.lines import ExactPoint, Line, Root
 from cltrace.exact.shapes import ExactSphere
 from cltrace.exact.surds import Surd
 
@@ -65,14 +65,6 @@ def closest_from(
     return index, np.array([float(one[1]) if one else np.inf for one in found], float)
 
 
-def blocked(
-    start: Any, light: Any, kind: Literal["point", "parallel"], centers: Any, radii: Any, to_object: Any = None
-) -> bool:
-    """Whether anything is met strictly between a point and a light; of a parallel one, that is the way that it goes."""
-    line, t_max = shadow_line(point_of(start), light, kind)
-    return first_of(line, spheres_of(centers, radii, to_object), 0.0, t_max) is not None
-
-
 def shadow_line(point: ExactPoint, light: Any, kind: Literal["point", "parallel"]) -> tuple[Line, float]:
     if kind == "parallel":
         return Line(point, ExactPoint.of([-float(x) for x in light])), math.inf
@@ -121,11 +113,6 @@ def normal_of(origin: Any, row: Any, center: Any, radius: float) -> tuple[Fracti
     bits = 180 + max(x.q.bit_length() for x in outward.numbers)
     x, y, z = (part.between(bits).low / (Fraction(float(radius)) * outward.over) for part in outward.numbers)
     return x, y, z
-
-
-def to_world(basis: Any, v: Numbers) -> tuple[Fraction, Fraction, Fraction]:
-    """The vector v of camera space along the world's axes."""
-    return Frame(tuple(map(tuple, np.asarray(basis, float).tolist()))).to_world(list(v)).fractions()
 
 
 def angle(normal: Any, exact: Any) -> float:
