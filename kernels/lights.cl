@@ -79,35 +79,17 @@ typedef struct {
  * from its centre; point_of(): P itself, rounded, in camera space. */
 #define support_of(start) (HAS(WITH_SHAPES) ? (start).support : (start).own.r)
 
-#if REAL_BYTES == 8
 static Real3 point_of(const Start start) {
-    const Real3 C = start.own.center, p = start.p;
-    const Real3 P = {C.x + p.x, C.y + p.y, C.z + p.z};
-    return P;
+    const Real3 P = sum3(start.own.center, start.p);
+    return REAL_BYTES == 4 ? chosen(start.near_eye, start.from_eye, P) : P;
 }
 
 /* The scalar product of the outward normal n and the way w from P to L, by way of the centre: n.p = r exactly, or of an
- * ellipsoid n.p = support. */
+ * ellipsoid n.p = support. In float, what is near the eye is better known from there. */
 static REAL cosine_towards(const Start start, const Real3 n, const Real3 L, const Real3 w) {
-    const Real3 C = start.own.center;
-    const Real3 h = {L.x - C.x, L.y - C.y, L.z - C.z};
-    return DOT(n, h) - support_of(start);
+    const REAL by_center = DOT(n, difference(L, start.own.center)) - support_of(start);
+    return REAL_BYTES == 4 ? (start.near_eye ? DOT(n, w) : by_center) : by_center;
 }
-#else
-static Real3 point_of(const Start start) {
-    const Real3 C = start.own.center, p = start.p;
-    const Real3 P = {start.near_eye ? start.from_eye.x : C.x + p.x, start.near_eye ? start.from_eye.y : C.y + p.y,
-                     start.near_eye ? start.from_eye.z : C.z + p.z};
-    return P;
-}
-
-/* The same in float, where what is near the eye is better known from there. */
-static REAL cosine_towards(const Start start, const Real3 n, const Real3 L, const Real3 w) {
-    const Real3 C = start.own.center;
-    const Real3 h = {L.x - C.x, L.y - C.y, L.z - C.z};
-    return start.near_eye ? DOT(n, w) : DOT(n, h) - support_of(start);
-}
-#endif
 
 /* Whether a light is of a kind. Compilers leave out what no light of the scene needs. */
 #define IS_LIGHT(kind, NAME) (HAS(WITH_##NAME) && (KINDS_OF_LIGHTS == 1 || (kind) == NAME##_LIGHT))
@@ -164,16 +146,11 @@ static void find_lists(const Scene *scene, const Start start, const MASK lit, Sh
     if (is_at_point(kind_of(light))) {
         ray->touches = ANY(lit & (ray->a < 0x1p-40f));
         const real lift = scene->unit * (real)(ray->touches ? 0x1p80f : 1.0f);
-        ray->from.x = -ray->w.x * lift;
-        ray->from.y = -ray->w.y * lift;
-        ray->from.z = -ray->w.z * lift;
+        ray->from = scaled(ray->w, -lift);
         ray->depth = ray->a;
         return;
     }
-    const Real3 P = point_of(start);
-    ray->from.x = P.x * scene->unit;
-    ray->from.y = P.y * scene->unit;
-    ray->from.z = P.z * scene->unit;
+    ray->from = scaled(point_of(start), scene->unit);
     ray->u = TO_FLOAT(DOT(ray->from, light.axis) + light.axis.w);
     ray->v = TO_FLOAT(DOT(ray->from, light.across) + light.across.w);
     ray->depth = -TO_FLOAT(DOT(ray->from, light.position) + light.position.w);

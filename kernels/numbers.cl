@@ -1,5 +1,10 @@
 /* numbers.cl: numbers of more digits than double has: pairs of doubles, and whole numbers. */
 
+/* The sign in each lane, -1, 0 or 1; 0 of what is within its error. */
+static REAL sign_from(const REAL value, const REAL error) {
+    return value > error ? (REAL)1 : value < -error ? (REAL)-1 : (REAL)0;
+}
+
 /* Double-double arithmetic, for the few decisions of which even double is unsure.
  *
  * A pair is the unevaluated sum hi + lo with |lo| <= 2^-53 |hi|, about 106 bits. The operations are those of Dekker
@@ -15,14 +20,12 @@ typedef struct {
 
 static Pair two_sum(const REAL a, const REAL b) {
     const REAL s = a + b, t = s - a;
-    const Pair sum = {s, (a - (s - t)) + (b - t)};
-    return sum;
+    return (Pair){s, (a - (s - t)) + (b - t)};
 }
 
 static Pair two_product(const REAL a, const REAL b) {
     const REAL p = a * b;
-    const Pair product = {p, fma(a, b, -p)};
-    return product;
+    return (Pair){p, fma(a, b, -p)};
 }
 
 static Pair plus(const Pair a, const Pair b) {
@@ -31,8 +34,7 @@ static Pair plus(const Pair a, const Pair b) {
 }
 
 static Pair minus(const Pair a, const Pair b) {
-    const Pair negative = {-b.hi, -b.lo};
-    return plus(a, negative);
+    return plus(a, (Pair){-b.hi, -b.lo});
 }
 
 static Pair times(const Pair a, const Pair b) {
@@ -47,13 +49,7 @@ static Pair over(const Pair a, const Pair b) {
 }
 
 static Pair pair(const REAL hi, const REAL lo) {
-    const Pair p = {hi, lo};
-    return p;
-}
-
-/* The sign in each lane, -1, 0 or 1; 0 of what is within its error. */
-static REAL sign_from(const REAL value, const REAL error) {
-    return value > error ? (REAL)1 : value < -error ? (REAL)-1 : (REAL)0;
+    return (Pair){hi, lo};
 }
 
 static Pair dot_pairs(const Pair3 u, const Pair3 v) {
@@ -61,27 +57,41 @@ static Pair dot_pairs(const Pair3 u, const Pair3 v) {
 }
 
 static Pair3 cross_pairs(const Pair3 u, const Pair3 v) {
-    const Pair3 cross = {minus(times(u.y, v.z), times(u.z, v.y)), minus(times(u.z, v.x), times(u.x, v.z)),
-                         minus(times(u.x, v.y), times(u.y, v.x))};
-    return cross;
+    return (Pair3){minus(times(u.y, v.z), times(u.z, v.y)), minus(times(u.z, v.x), times(u.x, v.z)),
+                   minus(times(u.x, v.y), times(u.y, v.x))};
 }
 
 static Pair choose_pair(const REAL_MASK first, const Pair a, const Pair b) {
-    const Pair c = {first ? a.hi : b.hi, first ? a.lo : b.lo};
-    return c;
+    return (Pair){first ? a.hi : b.hi, first ? a.lo : b.lo};
 }
 
 static Pair3 choose_pairs(const REAL_MASK first, const Pair3 a, const Pair3 b) {
-    const Pair3 c = {{first ? a.x.hi : b.x.hi, first ? a.x.lo : b.x.lo},
-                     {first ? a.y.hi : b.y.hi, first ? a.y.lo : b.y.lo},
-                     {first ? a.z.hi : b.z.hi, first ? a.z.lo : b.z.lo}};
-    return c;
+    return (Pair3){choose_pair(first, a.x, b.x), choose_pair(first, a.y, b.y), choose_pair(first, a.z, b.z)};
 }
 
-/* Of numbers of which two are no pairs. */
+static Pair3 plus3(const Pair3 a, const Pair3 b) {
+    return (Pair3){plus(a.x, b.x), plus(a.y, b.y), plus(a.z, b.z)};
+}
+
+static Pair3 minus3(const Pair3 a, const Pair3 b) {
+    return (Pair3){minus(a.x, b.x), minus(a.y, b.y), minus(a.z, b.z)};
+}
+
+static Pair3 times3(const Pair s, const Pair3 v) {
+    return (Pair3){times(s, v.x), times(s, v.y), times(s, v.z)};
+}
+
+/* The differences and the coordinates of doubles. */
+static Pair3 pairs_between(const Real3 from, const Real3 to) {
+    return (Pair3){two_sum(to.x, -from.x), two_sum(to.y, -from.y), two_sum(to.z, -from.z)};
+}
+
+static Pair3 pairs_of(const Real3 v) {
+    return (Pair3){pair(v.x, 0), pair(v.y, 0), pair(v.z, 0)};
+}
+
 static Pair dot_axis(const real4 axis, const Pair3 v) {
-    const Pair x = pair(axis.x, 0), y = pair(axis.y, 0), z = pair(axis.z, 0);
-    return plus(plus(times(x, v.x), times(y, v.y)), times(z, v.z));
+    return dot_pairs(pairs_of((Real3){axis.x, axis.y, axis.z}), v);
 }
 
 /* |x| + |y| + |z|. */
@@ -162,11 +172,12 @@ static __attribute__((noinline)) void negate(Integer *x, const int n) {
     }
 }
 
-/* sum += x. */
-static __attribute__((noinline)) void add(Integer *sum, const Integer *x, const int n) {
-    ulong carry = 0;
+/* sum += x, or sum -= x where sign is -1. */
+static __attribute__((noinline)) void add(Integer *sum, const int sign, const Integer *x, const int n) {
+    const uint flip = sign < 0 ? 0xffffffff : 0;
+    ulong carry = sign < 0;
     for (int i = 0; i < n; i++) {
-        carry += (ulong)sum->digit[i] + x->digit[i];
+        carry += (ulong)sum->digit[i] + (x->digit[i] ^ flip);
         sum->digit[i] = (uint)carry;
         carry >>= 32;
     }
@@ -183,6 +194,12 @@ static __attribute__((noinline)) void add_product(Integer *sum, const Integer *x
             carry >>= 32;
         }
     }
+}
+
+/* product = x y. */
+static void multiply(Integer *product, const Integer *x, const Integer *y, const int n) {
+    set_to(product, 0, 0, n);
+    add_product(product, x, y, n);
 }
 
 static int sign_of(const Integer *x, const int n) {

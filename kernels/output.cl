@@ -41,6 +41,13 @@ static void store_rgb8(__global uchar *out, const int first, const int pitch, co
     } while (0)
 #endif
 
+#define STORE3(out, first, pitch, value)                             \
+    do {                                                             \
+        STORE(float, out, first, pitch, 3, TO_FLOAT((value).x));     \
+        STORE(float, out + 1, first, pitch, 3, TO_FLOAT((value).y)); \
+        STORE(float, out + 2, first, pitch, 3, TO_FLOAT((value).z)); \
+    } while (0)
+
 /* A packet of pixels of a picture. */
 typedef struct {
     int2 size;       /* of the whole picture, in pixels */
@@ -53,15 +60,9 @@ typedef struct {
 /* The colours of a packet in the lights of launches before this one, and those in these and its own lights. first:
  * index of the packet's first pixel. */
 static Shade3 colors_so_far(const Outputs out, const int first) {
-    shade_t red[W], green[W], blue[W];
-    for (int j = 0; j < W; j++) {
-        const shade4 color = out.so_far[first + (j >> 2) * out.pitch + (j & 3)];
-        red[j] = color.x;
-        green[j] = color.y;
-        blue[j] = color.z;
-    }
-    const Shade3 all = {LOAD_LANES(red), LOAD_LANES(green), LOAD_LANES(blue)};
-    return all;
+    shade4 color[W];
+    for (int j = 0; j < W; j++) color[j] = out.so_far[first + (j >> 2) * out.pitch + (j & 3)];
+    return (Shade3){(SHADE)EACH_LANE(color, .x), (SHADE)EACH_LANE(color, .y), (SHADE)EACH_LANE(color, .z)};
 }
 
 static void keep_colors(const Shade3 color, const Outputs out, const int first) {
@@ -89,24 +90,14 @@ static void write(const Frame frame, const Scene *scene, const Packet packet, co
         store_rgb8(out.rgb8, first, pitch, byte_of(pixels.color.x, rounding), byte_of(pixels.color.y, rounding),
                    byte_of(pixels.color.z, rounding));
     }
-    if (HAS(OUT_COLOR)) {
-        STORE(float, out.color, first, pitch, 3, TO_FLOAT(pixels.color.x));
-        STORE(float, out.color + 1, first, pitch, 3, TO_FLOAT(pixels.color.y));
-        STORE(float, out.color + 2, first, pitch, 3, TO_FLOAT(pixels.color.z));
-    }
-    if (HAS(OUT_NORMAL)) {
-        STORE(float, out.normal, first, pitch, 3, pixels.normal.x);
-        STORE(float, out.normal + 1, first, pitch, 3, pixels.normal.y);
-        STORE(float, out.normal + 2, first, pitch, 3, pixels.normal.z);
-    }
+    if (HAS(OUT_COLOR)) STORE3(out.color, first, pitch, pixels.color);
+    if (HAS(OUT_NORMAL)) STORE3(out.normal, first, pitch, pixels.normal);
     const Ray ray = primary_ray(frame, packet.size, packet.column, packet.row);
     if (HAS(OUT_DIRECTION)) {
         const REAL over = 1 / sqrt(ray.a);
         const Real3 unit = {ray.d.x * over, ray.d.y * over, -over};
         const Float3 direction = to_world(frame, unit);
-        STORE(float, out.direction, first, pitch, 3, direction.x);
-        STORE(float, out.direction + 1, first, pitch, 3, direction.y);
-        STORE(float, out.direction + 2, first, pitch, 3, direction.z);
+        STORE3(out.direction, first, pitch, direction);
     }
     if (HAS(OUT_DEPTH)) STORE(real, out.depth, first, pitch, 1, pixels.hit.t * sqrt(ray.a));
     if (HAS(OUT_ID)) STORE(int, out.id, first, pitch, 1, ids_of(scene, pixels.hit.id));

@@ -140,7 +140,7 @@ typedef SHADE_INT SHADE_MASK;
 #define TO_REAL_MASK(m) TO_REAL_INT(m)
 #define TO_SHADE_MASK(m) TO_SHADE_INT(m)
 #if !(__has_builtin(__builtin_reduce_or) && __has_builtin(__builtin_reduce_max))
-#define ANY(mask) PASTE(any_of_, W)(mask)
+#define ANY(mask) (PASTE(any_of_, W)(mask) != 0)
 #define LARGEST(value) PASTE(largest_of_, W)(value)
 #elif W == 16 && (defined(WITH_TRIANGLES) || defined(WITH_BLOCKS)) && defined(__AVX512DQ__)
 #define ANY(mask) (__builtin_ia32_cvtd2mask512(mask) != 0)
@@ -170,45 +170,27 @@ typedef SHADE_INT SHADE_MASK;
 #define ROWS_OF_16 ROWS_OF_8, 2, 2, 2, 2, 3, 3, 3, 3
 #endif
 
-/* The same where the compiler has no such built-ins: halves are put together. */
-static int any_of_4(const int4 quarter) {
-    const int2 pair = quarter.lo | quarter.hi;
-    return (pair.x | pair.y) != 0;
-}
-
-static int any_of_8(const int8 x) {
-    return any_of_4(x.lo | x.hi);
-}
-
-static int any_of_16(const int16 mask) {
-    return any_of_8(mask.lo | mask.hi);
-}
-
-static int largest_of_4(const int4 quarter) {
-    const int2 pair = quarter.lo > quarter.hi ? quarter.lo : quarter.hi;
-    return pair.x > pair.y ? pair.x : pair.y;
-}
-
-static int largest_of_8(const int8 x) {
-    return largest_of_4(x.lo > x.hi ? x.lo : x.hi);
-}
-
-static int largest_of_16(const int16 x) {
-    return largest_of_8(x.lo > x.hi ? x.lo : x.hi);
-}
-
-static int sum_of_4(const int4 quarter) {
-    const int2 pair = quarter.lo + quarter.hi;
-    return pair.x + pair.y;
-}
-
-static int sum_of_8(const int8 x) {
-    return sum_of_4(x.lo + x.hi);
-}
-
-static int sum_of_16(const int16 x) {
-    return sum_of_8(x.lo + x.hi);
-}
+/* What all lanes are together, by halves: any_of_4() and so on join 4 lanes to one number. */
+#define OR(a, b) ((a) | (b))
+#define PLUS(a, b) ((a) + (b))
+#define GREATER(a, b) ((a) > (b) ? (a) : (b))
+#define FOLD(name, type, join)                   \
+    static type name##_of_2(const type##2 x) {   \
+        return join(x.x, x.y);                   \
+    }                                            \
+    static type name##_of_4(const type##4 x) {   \
+        return name##_of_2(join(x.lo, x.hi));    \
+    }                                            \
+    static type name##_of_8(const type##8 x) {   \
+        return name##_of_4(join(x.lo, x.hi));    \
+    }                                            \
+    static type name##_of_16(const type##16 x) { \
+        return name##_of_8(join(x.lo, x.hi));    \
+    }
+FOLD(any, int, OR)
+FOLD(sum, int, PLUS)
+FOLD(largest, int, GREATER)
+FOLD(furthest, float, GREATER)
 
 /* The largest lane of a FLOAT, all >= 0: read as whole numbers, the bits of such floats are in the same order. */
 #define LARGEST_FLOAT(value) as_float(LARGEST(AS(int, value)))
@@ -228,14 +210,24 @@ static REAL size_of(const Real3 v) {
     return (fabs(v.x) + fabs(v.y)) + fabs(v.z);
 }
 
+static Real3 sum3(const Real3 a, const Real3 b) {
+    return (Real3){a.x + b.x, a.y + b.y, a.z + b.z};
+}
+
 static Real3 difference(const Real3 a, const Real3 b) {
-    const Real3 d = {a.x - b.x, a.y - b.y, a.z - b.z};
-    return d;
+    return (Real3){a.x - b.x, a.y - b.y, a.z - b.z};
+}
+
+static Real3 scaled(const Real3 v, const REAL s) {
+    return (Real3){v.x * s, v.y * s, v.z * s};
 }
 
 static Real3 cross_of(const Real3 a, const Real3 b) {
-    const Real3 c = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-    return c;
+    return (Real3){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+
+static Real3 chosen(const REAL_MASK first, const Real3 a, const Real3 b) {
+    return (Real3){first ? a.x : b.x, first ? a.y : b.y, first ? a.z : b.z};
 }
 
 /* The scalar product in float, by fused operations, of a direction and the first three of a filter constant, or of a
@@ -293,3 +285,28 @@ static FLOAT magnitude(const FLOAT x) {
         put(mask, (variable).y, (value).y); \
         put(mask, (variable).z, (value).z); \
     } while (0)
+
+/* Each lane's row of an array, which `index` says; any row where that is negative. Mostly all lanes have the same one.
+ */
+typedef struct {
+    REAL x, y, z, w;
+} Real4;
+
+static __attribute__((noinline)) Real4 rows_at(__global const real4 *array, const INT index) {
+    const int one = LARGEST(index);
+    if (!ANY((index >= 0) & (index != one))) {
+        const real4 row = array[max(one, 0)];
+        return (Real4){row.x, row.y, row.z, row.w};
+    }
+    int each[W];
+    __global const real4 *row[W];
+    STORE_LANES(index, each);
+#pragma unroll
+    for (int lane = 0; lane < W; lane++) row[lane] = array + max(each[lane], 0);
+    return (Real4){(REAL)EACH_LANE(row, ->x), (REAL)EACH_LANE(row, ->y), (REAL)EACH_LANE(row, ->z),
+                   (REAL)EACH_LANE(row, ->w)};
+}
+
+static Real3 xyz_of(const Real4 row) {
+    return (Real3){row.x, row.y, row.z};
+}

@@ -63,30 +63,34 @@ static LANES(uint) mark_of(const INT surface, const int what) {
 
 /* A vector of camera space in the world: B^T v. */
 static Real3 turned_to_world(const Frame frame, const Real3 v) {
-    const Real3 w = {(frame.right.x * v.x + frame.up.x * v.y) + frame.back.x * v.z,
-                     (frame.right.y * v.x + frame.up.y * v.y) + frame.back.y * v.z,
-                     (frame.right.z * v.x + frame.up.z * v.y) + frame.back.z * v.z};
-    return w;
+    return (Real3){(frame.right.x * v.x + frame.up.x * v.y) + frame.back.x * v.z,
+                   (frame.right.y * v.x + frame.up.y * v.y) + frame.back.y * v.z,
+                   (frame.right.z * v.x + frame.up.z * v.y) + frame.back.z * v.z};
 }
 
-/* Rays that leave surfaces. */
+/* Rays leave a cap from the point q of the world, rounded, which need not be in its plane: nothing is met there. */
+#define CAP (-2)
+
+/* Rays that leave surfaces.
+ *
+ * They start at center + p exactly: the center is that of a sphere, a corner of a triangle, the eye or a light. What p
+ * is off by is below 2^-49 of `reach`, and what w is off by below 2^-49 of w1. */
 typedef struct {
     INT own;         /* index of the surface; -1: none, it comes from the eye */
     REAL_MASK inner; /* whether the ray leaves it on its inside */
     Real3 n, d;      /* the outward unit normal there, and the direction, in camera space */
     /* What follows from these, in the world and rounded. */
     Real3 center;  /* of the own sphere */
-    REAL r, reach; /* its radius, and how far it is from there at most */
+    REAL r, reach; /* its radius; no less than |p|, but for rounding */
     Real3 p, w;    /* from that centre to P; the direction */
-    REAL w1;       /* |w.x| + |w.y| + |w.z| */
+    REAL w1;       /* no less than |w.x| + |w.y| + |w.z| */
     /* WITH_SHAPES, of an ellipsoid: see shapes/sphere/leaving.cl; of a triangle: the point's u, v and corner, see
      * triangle_leave(); of a ray from an orthographic camera: its place on the plane. */
     Real3 q;
 } Leaving;
 
 static Real3 turned_to_camera(const Frame frame, const Real3 v) {
-    const Real3 c = {DOT(frame.right, v), DOT(frame.up, v), DOT(frame.back, v)};
-    return c;
+    return (Real3){DOT(frame.right, v), DOT(frame.up, v), DOT(frame.back, v)};
 }
 
 typedef struct {
@@ -107,8 +111,7 @@ typedef struct {
 } EyeRay;
 
 static EyeRay eye_ray(const Ray ray) {
-    const EyeRay of = {OWN(ray), ray.w};
-    return of;
+    return (EyeRay){OWN(ray), ray.w};
 }
 
 /* A ray of the camera as one that leaves a point. The ray of an orthographic camera leaves exactly the eye plus x and y
@@ -118,11 +121,9 @@ static Leaving from_eye(const Geometry geometry, const EyeRay from) {
     const Real3 eye = {geometry.eye.x, geometry.eye.y, geometry.eye.z}, none = {0, 0, 0};
     if (HAS(WITH_PARALLEL_RAYS)) {
         const Real3 d = {0, 0, -1}, ahead = {geometry.ahead.x, geometry.ahead.y, geometry.ahead.z};
-        const Leaving ray = {-1, 0, {1, 0, 0}, d, eye, 0, size_of(own), w, ahead, size_of(ahead), own};
-        return ray;
+        return (Leaving){-1, 0, {1, 0, 0}, d, eye, 0, size_of(own), w, ahead, size_of(ahead), own};
     }
-    const Leaving ray = {-1, 0, {1, 0, 0}, own, eye, 0, 0, none, w, size_of(w), none};
-    return ray;
+    return (Leaving){-1, 0, {1, 0, 0}, own, eye, 0, 0, none, w, size_of(w), none};
 }
 
 /* The point of a ray at t. */
@@ -149,6 +150,12 @@ typedef struct {
     REAL EB, EC, all;
 } Shares;
 
+static void put_shares(const REAL_MASK here, const Shares from, Shares *shares) {
+    PUT_WHERE(here, shares->EB, from.EB);
+    PUT_WHERE(here, shares->EC, from.EC);
+    PUT_WHERE(here, shares->all, from.all);
+}
+
 /* What a ray from the eye has hit: the surface's index, -1 = nothing, the distance in units of the ray's direction, and
  * where on it. */
 typedef struct {
@@ -164,6 +171,13 @@ typedef struct {
     MASK sure;
     INT plane; /* WITH_PLANES, of a cap, of which `id` is the surface that it closes; -1 of all else */
 } Hit;
+
+/* Puts a late surface, of which that is known, into a hit. */
+static __attribute__((always_inline)) void put_late(const MASK here, const Bounds near, const int index, Hit *hit) {
+    PUT_WHERE(here, hit->near.low, near.low);
+    PUT_WHERE(here, hit->near.high, near.high);
+    PUT_WHERE(here, hit->id, (INT)index);
+}
 
 /* Of a hit so far, what something else is compared with where float32 cannot tell: as in Hit. */
 typedef struct {

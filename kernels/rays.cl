@@ -41,8 +41,7 @@ static Beginning beginning_of(const Scene *scene, const Real3 o, const Real3 w, 
                               const double t_max) {
     const real4 middle = scene->tree.middle;
     const double unit = middle.w;
-    const Real3 from = {(o.x - middle.x) * unit, (o.y - middle.y) * unit, (o.z - middle.z) * unit};
-    const Real3 X = {from.y * w.z - from.z * w.y, from.z * w.x - from.x * w.z, from.x * w.y - from.y * w.x};
+    const Real3 from = scaled(difference(o, (Real3){middle.x, middle.y, middle.z}), unit), X = cross_of(from, w);
     const double ww = DOT(w, w), beside = DOT(X, X) / ww, nearest = -DOT(from, w) / ww;
     const double chord = sqrt(fmax(0.81 - beside, 0.0) / ww);
     const double enters = (nearest - chord) / unit, leaves = (nearest + chord) / unit;
@@ -55,8 +54,7 @@ static Beginning beginning_of(const Scene *scene, const Real3 o, const Real3 w, 
     /* Ties at edges are decided for the ray w + (e, e^2, e^3) from o. From the place, it passes an edge on the same
      * side where t > 0, and on the other one where t < 0. So whole numbers, which `r` tells, break ties for t0 >= 0
      * alone. */
-    const Leaving leaving = {-1, 0, {0, 0, 1}, w, o, begin.at, 0, {0, 0, 0}, w, size_of(w), {0, 0, 0}};
-    begin.ray = leaving;
+    begin.ray = (Leaving){-1, 0, {0, 0, 1}, w, o, begin.at, 0, {0, 0, 0}, w, size_of(w), {0, 0, 0}};
     begin_at(o.x, w.x, begin.at, &begin.ray.center.x, &begin.ray.p.x, &begin.ray.q.x);
     begin_at(o.y, w.y, begin.at, &begin.ray.center.y, &begin.ray.p.y, &begin.ray.q.y);
     begin_at(o.z, w.z, begin.at, &begin.ray.center.z, &begin.ray.p.z, &begin.ray.q.z);
@@ -81,21 +79,12 @@ static double rounded_t(const Scene *scene, const Beginning *begin, const int in
 static void trace_ray(const Scene *scene, const Beginning *begin, const double t_max, __global int *met,
                       __global double *t, __global int *open, __global int *candidate) {
     const Geometry geometry = scene->geometry;
-    const Leaving *ray = &begin->ray;
     Work work = no_work();
     Met found = {{INFINITY, 0, {0, 0, 0}}, -1, -1};
     Reached reached;
     Search search;
-    search.found = &reached;
-    search.scene = scene;
-    search.ray = ray;
-    search.met = &found;
-    search.work = &work;
-    const double ww = DOT(ray->w, ray->w), over = over_root(ww);
-    search.scale = ww * over * scene->tree.middle.w;
-    search.decided = 0;
     const double rest = t_max - begin->at, limit = rest + 0x1p-50 * (fabs(rest) + fabs(begin->at));
-    start_search(ray, scene->tree.middle, over, limit, &search);
+    start_search(scene, &begin->ray, limit, &reached, &found, &work, &search);
     geometry.undecided[number_of_item()] = 0;
     walk_all(1, &search);
     const int several = search.decided, candidates = search.count[0];

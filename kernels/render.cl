@@ -101,9 +101,8 @@ static int2 place_of_item(const int row) {
     return (int2)((int)get_global_id(0) * RUN * PACKET_WIDTH, row + (int)get_global_id(1) * ROWS * PACKET_HEIGHT);
 }
 
-/* The loops are in the kernel itself, as compilers work on all that is in a function once more in each one that calls
+/* The loop is in the kernel itself, as compilers work on all that is in a function once more in each one that calls
  * it, which took a twentieth of the time that a first picture takes. */
-#ifdef WITH_SAMPLES
 APART
 __kernel void render(RENDER_PARAMETERS) {
     const Frame frame = FRAME_OF_PARAMETERS;
@@ -112,29 +111,17 @@ __kernel void render(RENDER_PARAMETERS) {
     const Outputs out = OUTPUTS_OF_PARAMETERS;
     const int2 begin = place_of_item(row);
     Known known;
+#ifdef WITH_SAMPLES
     known.corners.region = region;
     known.corners.begin = region.x + begin.x;
     known.corners.row[0] = known.corners.row[1] = -1;
-    for (int y = begin.y; y < begin.y + ROWS * PACKET_HEIGHT && y < region.w; y += PACKET_HEIGHT)
-        for (int x = begin.x; x < begin.x + RUN * PACKET_WIDTH && x < region.z; x += PACKET_WIDTH) {
-            const int2 place = {x, y};
-            known.work = no_work();
-            render_packet(frame, &scene, size, region, place, out, &known);
-        }
-}
-#else
-APART
-__kernel void render(RENDER_PARAMETERS) {
-    const Frame frame = FRAME_OF_PARAMETERS;
-    const Scene scene = SCENE_OF_PARAMETERS;
-    if (is_drawn(&scene)) return;
-    const Outputs out = OUTPUTS_OF_PARAMETERS;
-    const int2 begin = place_of_item(row);
-    for (int x = begin.x; x < begin.x + RUN * PACKET_WIDTH && x < region.z; x += PACKET_WIDTH)
-        for (int y = begin.y; y < begin.y + ROWS * PACKET_HEIGHT && y < region.w; y += PACKET_HEIGHT) {
-            const int2 place = {x, y};
-            Known known = {no_work()};
-            render_packet(frame, &scene, size, region, place, out, &known);
-        }
-}
 #endif
+    for (int k = 0; k < RUN * ROWS; k++) {
+        /* Samples have what two rows share in mind, so they go along these. */
+        const int column = HAS(WITH_SAMPLES) ? k % RUN : k / ROWS, line = HAS(WITH_SAMPLES) ? k / RUN : k % ROWS;
+        const int2 place = begin + (int2)(column * PACKET_WIDTH, line * PACKET_HEIGHT);
+        if (place.x >= region.z || place.y >= region.w) continue;
+        known.work = no_work();
+        render_packet(frame, &scene, size, region, place, out, &known);
+    }
+}

@@ -99,13 +99,15 @@ static Shade3 shade(const Scene *scene, const Real3 d, const REAL a, const Inter
     return lighting.color;
 }
 
-#ifdef WITH_BOUNCES
 /* The same with all that mirrors and glass add to it. */
 static Shade3 follow(const Frame frame, const Scene *scene, const Ray ray, const Intersection at, const INT own,
                      Pixels *pixels, Work *work) {
+#ifdef WITH_BOUNCES
     return color_with_branches(frame, scene, ray, at, own, pixels, work);
-}
+#else
+    return shade(scene, ray.d, ray.a, at, own, &pixels->rays, work);
 #endif
+}
 
 /* What a packet of rays sees; lanes that hit nothing keep what they have in `pixels`, which other lights may have made.
  * tile: the packet's place in the picture, in units of TILE x TILE pixels. */

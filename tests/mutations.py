@@ -267,7 +267,7 @@ MUTATIONS = {
     "total reflection adds nothing": Kernel(
         "bounce_at",
         """Bounce bounce = CALL;
-        const REAL most = rays.weight * bounces_of(scene, rays.own).x;
+        const REAL most = rays.weight * rows_at(scene->bounce, materials_of(scene, rays.own)).x;
         bounce.mirrors = bounce.mirrors > most ? most : bounce.mirrors;
         return bounce;""",
         f"{BOUNCES} -k total_reflection",
@@ -287,10 +287,10 @@ MUTATIONS = {
     ),
     # ------------------------------------------------------------------------------------------------ other shapes
     "cylinders have no ends from inside": Kernel(
-        "rod_verdict", "RodVerdict found = CALL; found.flat = found.flat & found.out; return found;", CYLINDERS
+        "cylinder_verdict", "Verdict found = CALL; found.flat = found.flat & found.out; return found;", CYLINDERS
     ),
     "doubles are sure that a ray passes a cylinder": Kernel(
-        "signs_within", "RodSigns is = CALL; is.D = rod_sign(e.D); return is;", CYLINDERS
+        "signs_within", "CylinderNumbers is = CALL; is.D = sign_from(e.D, 0); return is;", CYLINDERS
     ),
     "doubles at edges have no bounds": Kernel("volumes_of", "Volumes v = CALL; v.E_error = 0; return v;", MESH_RAYS),
     "the third edge is elsewhere": Kernel(
@@ -315,9 +315,7 @@ MUTATIONS = {
     "surfaces that planes do not clip are clipped": Kernel("are_unclipped", "return 0;", CLIPPED),
     "a clipped mesh contains what is outside of it": Kernel(
         "count_triangle",
-        """const INT before = closed->odd, bit = 1 << (scene->solid_of[index] - 1 - closed->first);
-        CALL;
-        closed->odd = before ^ ((met & entry->here) ? bit : (INT)0);""",
+        "const MASK before = closed->odd; CALL; closed->odd = before ^ (met & entry->here);",
         CLIPPED,
     ),
     "what is clipped away stops light": Kernel("stops_in_region", "return stops;", CLIPPED),

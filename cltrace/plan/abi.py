@@ -163,36 +163,9 @@ COUNTERS = {
 LIGHT_KINDS = ("parallel", "point", "spot", "lambert")
 
 
-class ShapeRow(NamedTuple):
-    """A row of SHAPES.
-
-    flag: set if the scene has any; first: the index of its first one among all surfaces, and leaf: of its first leaf
-    among all leaves of the tree, in OpenCL C of `geometry` and `tree`; traits: names of TRAITS.
-    """
-
-    name: str
-    flag: str
-    first: str
-    leaf: str
-    traits: tuple[str, ...]
-
-
-# What the walkers, lists and shading ask of shapes without knowing their names.
-TRAITS = {
-    "ROUND": "a ray that leaves it inwards meets it again",
-    "FETCHED": "lists of shadow rays fetch it ahead: of triangles alone, that took more time than it saved",
-    "LATE": "while a ray from the eye looks for the nearest, only bounds of 1/t are known of it, see Hit",
-    "PLACED": "it is decided in the world, and asks of a shadow ray where that starts there",
-    "TINY": "neighbouring pixels show different ones, mostly of one material",
-}
-# The shapes, in the order of the surfaces' indices. Each has a folder of its own in kernels/shapes/, with functions
-# named after it; kernels/shapes/dispatch.cl lists them. ASK_SHAPE() of the header calls that one of them which a
-# surface has.
-SHAPES = (
-    ShapeRow("sphere", "WITH_SPHERES", "0", "0", ("ROUND", "FETCHED")),
-    ShapeRow("cylinder", "WITH_CYLINDERS", "((geometry).first_rod)", "0", ("ROUND", "FETCHED", "LATE", "PLACED")),
-    ShapeRow("triangle", "WITH_TRIANGLES", "((geometry).first)", "((tree).blocks)", ("LATE", "PLACED", "TINY")),
-)
+# The shapes and their flags, in the order of the surfaces' indices. Each has a folder in kernels/shapes/, with
+# functions named after it; kernels/shapes/dispatch.cl lists them, and kinds.cl calls that of a surface.
+SHAPES = {"sphere": "WITH_SPHERES", "cylinder": "WITH_CYLINDERS", "triangle": "WITH_TRIANGLES"}
 
 ARGUMENTS = (
     # Not one struct: where functions hand that on, NVIDIA's compiler reads it from memory that is not there.
@@ -324,24 +297,24 @@ ARGUMENTS = (
         "WITH_PLACED",
         ("lamp", "real4", "xyz: a light in the world, as a vertex, or the direction to a parallel one, of any length"),
     ),
-    *_values("Geometry", "WITH_CYLINDERS", ("first_rod", "int", "the index of the first cylinder as a surface")),
+    *_values("Geometry", "WITH_CYLINDERS", ("first_cylinder", "int", "the index of the first cylinder as a surface")),
     *_buffers(
         "Geometry",
         "WITH_CYLINDERS",
         (
-            "rod",
+            "cylinder",
             "real4",
             "two for each cylinder, in the world: xyz: the middle of its start, w: its radius; xyz: that of its end. "
             "In single, the start is from the scene's middle, and the second is the axis, of length 1, w: the length",
         ),
     ),
-    *_values("Scene", "WITH_CYLINDERS", ("rods", "int", "how many cylinders there are")),
+    *_values("Scene", "WITH_CYLINDERS", ("cylinders", "int", "how many cylinders there are")),
     *_buffers(
         "Scene",
         "WITH_CYLINDERS",
-        ("rod_side", "char", "for each light in turn, on which side of each cylinder it is, as light_side"),
+        ("cylinder_side", "char", "for each light in turn, on which side of each cylinder it is, as light_side"),
         (
-            "rod_seen",
+            "cylinder_seen",
             "float4",
             "two for each cylinder, in camera space and the float buffers' unit: xyz: its middle, w: half of its "
             "length; xyz: along its axis, of length 1, w: its radius",
@@ -377,7 +350,7 @@ ARGUMENTS = (
     ),
     *_values("Scene", "WITH_PATCHES", ("patches", "int", "how many patches there are")),
     *_buffers("Scene", "WITH_PATCHES", ("patch", "Patch", "the tree's leaves of triangles")),
-    *_values("Geometry", "WITH_TRIANGLES", ("first", "int", "the index of the first triangle as a surface")),
+    *_values("Geometry", "WITH_TRIANGLES", ("first_triangle", "int", "the index of the first triangle as a surface")),
     *_buffers(
         "Geometry",
         "WITH_TRIANGLES",

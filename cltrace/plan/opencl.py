@@ -15,7 +15,6 @@ from cltrace.plan.abi import (
     LIGHT_KINDS,
     SHAPES,
     STRUCTS,
-    TRAITS,
     Argument,
     Precision,
     dtype_of,
@@ -43,7 +42,7 @@ def options(precision: Precision, features: frozenset[str], branches: int = 1) -
 def header() -> str:
     """The table in OpenCL C: constants, structs, and the kernel's parameters as macros."""
     lines = [f"#define {name} {value}" for name, value in CONSTANTS.items()]
-    lines += [f"#define IS_{name} 0" for name in FLAGS] + _light_kinds() + _shapes()
+    lines += [f"#define IS_{name} 0" for name in FLAGS] + _light_kinds()
     lines += [f"#define {name} {i}" for i, name in enumerate(COUNTERS)] + [f"#define COUNTERS {len(COUNTERS)}"]
     for name, fields in STRUCTS.items():
         lines += _struct(name, [(f"{f.type} {f.name}", f.text) for f in fields])
@@ -69,9 +68,9 @@ def header() -> str:
 def for_its_shape(name: str, text: str) -> str:
     """A kernel's file, of a shape's folder only where there are such: but for the first one, of whose parts others are
     made."""
-    for shape in SHAPES[1:]:
-        if name.startswith(f"shapes/{shape.name}/"):
-            return f"#ifdef {shape.flag}\n#line 1\n{text}#endif\n"
+    for shape, flag in [*SHAPES.items()][1:]:
+        if name.startswith(f"shapes/{shape}/"):
+            return f"#ifdef {flag}\n#line 1\n{text}#endif\n"
     return text
 
 
@@ -80,64 +79,6 @@ def _light_kinds() -> list[str]:
     numbers = [f"#define {kind.upper()}_LIGHT {i}" for i, kind in enumerate(LIGHT_KINDS)]
     has = " + ".join(f"HAS(WITH_{kind.upper()})" for kind in LIGHT_KINDS)
     return [*numbers, f"#define KINDS_OF_LIGHTS ({has})"]
-
-
-def _shapes() -> list[str]:
-    """Which shape a surface has, traits, and the macros that ask a surface's shape.
-
-    Of a shape x, FIRST_X(geometry) is the index of its first surface, IS_X(geometry, index) tells which lanes' surface
-    is one, and X_OR_NONE(geometry, index) is that one's number among its kind, -1 for none. ANY_<trait> tells whether a
-    shape of the scene has this trait, IS_<trait>(geometry, index) which lanes' surface has.
-
-    ASK_SHAPE(geometry, index, question(...)) is what the function <shape>_question(...) returns, ASK_LEAF(tree, index,
-    question(...)) the same for a leaf of the tree. EACH_SHAPE(geometry, index, question(...)) calls the first shape's
-    function for all lanes, and then those of other shapes that some lane's surface has: each of these puts what it
-    knows into its own lanes, by PUT_OF_SHAPE(). Where a scene has one shape only, all these are direct calls.
-    """
-    lines = [
-        f"#define KINDS_OF_SHAPES ({' + '.join(f'HAS({shape.flag})' for shape in SHAPES)})",
-        "#define PUT_OF_SHAPE(mask, variable, value) "
-        "variable = KINDS_OF_SHAPES == 1 ? (value) : (mask) ? (value) : (variable)",
-    ]
-    for i, (name, _, first, leaf, _) in enumerate(SHAPES):
-        own, asked = name.upper(), f"{name}_##question"
-        here, number = f"(index) >= {first}", f"(index) - {first}"
-        ends = "".join(f"HAS({shape.flag}) ? (index) < {shape.first} : " for shape in SHAPES[i + 1 :]) + here
-        either = f"IS_{own}(geometry, index) ? {number} : (INT) - 1"
-        lines += [
-            f"#define FIRST_{own}(geometry) {first}",
-            f"#define IS_{own}(geometry, index) ({f'({here}) & ({ends})' if i and ends != here else ends})",
-            f"#define {own}_OR_NONE(geometry, index) (KINDS_OF_SHAPES == 1 ? {number} : {either})",
-        ]
-        lines += _chained("ASK_SHAPE(geometry, index, question)", i, asked, f"({here} ? {asked} : %s)")
-        lines += _chained("ASK_LEAF(tree, index, question)", i, asked, f"((index) >= {leaf} ? {asked} : %s)")
-        each = f"do {{ %s; if (ANY(IS_{own}(geometry, index))) {asked}; }} while (0)"
-        lines += _chained("EACH_SHAPE(geometry, index, question)", i, asked, each)
-    for trait in TRAITS:
-        those = [shape for shape in SHAPES if trait in shape.traits]
-        lanes = " | ".join(f"(HAS({s.flag}) ? IS_{s.name.upper()}(geometry, index) : (MASK)0)" for s in those)
-        lines += [
-            f"#define ANY_{trait} ({' || '.join(f'HAS({shape.flag})' for shape in those)})",
-            f"#define IS_{trait}(geometry, index) ({lanes})",
-        ]
-    return lines
-
-
-def _chained(macro: str, i: int, alone: str, among: str) -> list[str]:
-    """A macro for the first shapes up to row i, of which it takes those that the scene has.
-
-    alone: its text where there is none of the rows before; among: the same where there is, as %s.
-    """
-    name, parameters = macro.split("(", 1)
-    this = f"#define {name}_{i}({parameters}"
-    before = f"{name}_{i - 1}"
-    last = [f"#define {macro} {name}_{i}({parameters}"] if i == len(SHAPES) - 1 else []
-    one = [f"{this} {alone}"]
-    if i == 0:
-        return [*_guarded(SHAPES[i].flag, one), *last]
-    both = _guarded(before, [f"{this} {among % f'{before}({parameters}'}"], tuple(one))
-    same = _guarded(before, [f"{this} {before}({parameters}"])
-    return [*_guarded(SHAPES[i].flag, both, tuple(same)), *last]
 
 
 def _common_need(arguments: list[Argument]) -> str:

@@ -59,7 +59,7 @@ def features(world: ScenePacking, camera: AnyCamera, inside: bool, request: Requ
     points = lit and (at_points or full) and bounded
     needed = {"shape": True, "bounces": bounces, "points": points}
     flags = {f"OUT_{name.upper()}": True for name in request.outputs}
-    flags |= {row.flag: len(shape.number) > 0 for row, shape in zip(SHAPES, world.shapes, strict=False)}
+    flags |= {flag: len(shape.number) > 0 for flag, shape in zip(SHAPES.values(), world.shapes, strict=False)}
     flags |= {flag: needed[reason] for shape in world.shapes for flag, reason in shape.flags.items()}
     flags |= {
         "WITH_FILTER": "filter" not in request.keep,
@@ -93,7 +93,7 @@ def features(world: ScenePacking, camera: AnyCamera, inside: bool, request: Requ
     if world.clipping:
         # Clipped rays are decided in the world, and as those are that may start anywhere.
         flags |= dict.fromkeys(("WITH_PLANES", "WITH_LEAVING", "WITH_SHAPES", "WITH_PLACED"), True)
-    flags[SHAPES[0].flag] |= not surfaces  # without any, the kernel knows the first shape alone
+    flags["WITH_SPHERES"] |= not surfaces  # without any, the kernel knows the first shape alone
     return frozenset(name for name, wanted in flags.items() if wanted)
 
 

@@ -77,7 +77,7 @@ class Cylinder(Surface):
         """Below what the start of a shadow ray counts as on the side, and as on an end's plane: see ExactCylinder.
 
         It is a point of another surface, and rounded: where it is on this one but for that, it counts as on it, and so
-        light leaves both where cylinders cross. The bounds are those of c, h and k in RodErrors of the kernel.
+        light leaves both where cylinders cross. The bounds are those of c, h and k in cylinder_errors() of the kernel.
         """
         if not start.fits:
             return 0, 0

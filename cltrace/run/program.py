@@ -24,6 +24,7 @@ from cltrace.run.devices import Device
 SOURCES = (
     "packet.cl",
     "abi",
+    "shapes/kinds.cl",
     "numbers.cl",
     "ray.cl",
     "shapes/sphere/sphere.cl",

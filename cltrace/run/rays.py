@@ -77,11 +77,11 @@ class RayTracer:
         values: dict[str, Any] = {"middle": middle, "widen": paths.widen, "unit": 1.0}
         values |= {"blocks": len(arrays["block"]), "patches": len(arrays["patch"])}
         first, features = 0, set(FLAGS)
-        for row, shape in zip(abi.SHAPES, shapes, strict=True):
+        for flag, shape in zip(abi.SHAPES.values(), shapes, strict=True):
             arrays |= shape.packed(real, None, axes, paths)
             values |= shape.values(first)
-            features |= {row.flag} if len(shape.number) else set()
-            features |= {flag for flag, reason in shape.flags.items() if reason in ("shape", "bounces")}
+            features |= {flag} if len(shape.number) else set()
+            features |= {name for name, reason in shape.flags.items() if reason in ("shape", "bounces")}
             first += len(shape.number)
         self.number, triangles = arrays["id_of"], shapes[-1].number
         self.primitive = np.full(first, -1, np.int32)
@@ -169,7 +169,7 @@ class RayTracer:
 
 def _sizes(shapes: tuple[Any, ...]) -> Array:
     """Radii and lengths of all surfaces but triangles, whose bounds hold at any size."""
-    spheres, rods = shapes[0], shapes[1]
-    axes = np.abs(rods.end - rods.start).max(axis=1, initial=0)
+    spheres, cylinders = shapes[0], shapes[1]
+    axes = np.abs(cylinders.end - cylinders.start).max(axis=1, initial=0)
     maps = np.array([spheres.maps.longest, 1 / spheres.maps.shortest]) if spheres.maps else np.ones(1)
-    return np.concatenate([spheres.radius, rods.radius, axes, np.ravel(maps)])
+    return np.concatenate([spheres.radius, cylinders.radius, axes, np.ravel(maps)])

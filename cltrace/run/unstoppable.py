@@ -91,7 +91,7 @@ class Unstoppable:
         if everywhere and findings.bits is not None:
             return
         kernels = self._kernels()
-        m, first, lights = values["triangles"], values["first"], values["lights"]
+        m, first, lights = values["triangles"], values["first_triangle"], values["lights"]
         words = -(-m // 32)
 
         def filled(size: int, value: int = 0) -> Any:

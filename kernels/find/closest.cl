@@ -2,7 +2,7 @@
  * surfaces ahead. */
 
 /* Surfaces are fetched before they are asked. With many of them, what is read of neighbours in a list is
- * far apart in memory, and most of the time went into waiting for it. Each shape's part is in closest.cl of its folder.
+ * far apart in memory, and most of the time went into waiting for it.
  */
 #define FETCHES (HAS(WITH_PREFETCH) && CAN_FETCH)
 
@@ -33,7 +33,7 @@ static void fetch_lists(const Scene *scene, const int light, INT cell) {
     for (int k = 0; k < count; k++) FETCH(scene->lists.entry, scene->lists.start[each[k]]);
     for (int k = 0; k < count; k++) {
         const int index = scene->lists.entry[scene->lists.start[each[k]]].x;
-        ASK_SHAPE(scene->geometry, index, fetch_first(scene, light, index));
+        ASK_SHAPE(scene->geometry, index, fetch(scene, light, index));
     }
 }
 
@@ -55,12 +55,10 @@ static FLOAT far_of(const FLOAT low) {
 static Bounds near_of(const REAL t, const real unit) {
     if (HAS(WITH_PARALLEL_RAYS)) {
         const FLOAT far = TO_FLOAT(t * unit);
-        const Bounds bounds = {-far * (1 + 0x1p-20f), -far * (1 - 0x1p-20f)};
-        return bounds;
+        return (Bounds){-far * (1 + 0x1p-20f), -far * (1 - 0x1p-20f)};
     }
     const FLOAT near = 1 / TO_FLOAT(t * unit);
-    const Bounds bounds = {near * (1 - 0x1p-20f), near * (1 + 0x1p-20f)};
-    return bounds;
+    return (Bounds){near * (1 - 0x1p-20f), near * (1 + 0x1p-20f)};
 }
 
 /* What float32 knows of the rays: x, y: their directions, or where parallel ones start; a: the square of the direction.
@@ -71,13 +69,10 @@ typedef struct {
 } EyeLine;
 
 static EyeLine eye_line(const Scene *scene, const Ray ray) {
-    if (HAS(WITH_PARALLEL_RAYS)) {
-        const EyeLine line = {TO_FLOAT(ray.o.x * scene->unit), TO_FLOAT(ray.o.y * scene->unit), 1, 0};
-        return line;
-    }
+    if (HAS(WITH_PARALLEL_RAYS))
+        return (EyeLine){TO_FLOAT(ray.o.x * scene->unit), TO_FLOAT(ray.o.y * scene->unit), 1, 0};
     const FLOAT dx = TO_FLOAT(ray.d.x), dy = TO_FLOAT(ray.d.y);
-    const EyeLine line = {dx, dy, FMA(dx, dx, FMA(dy, dy, (FLOAT)1.0f)), 0};
-    return line;
+    return (EyeLine){dx, dy, FMA(dx, dx, FMA(dy, dy, (FLOAT)1.0f)), 0};
 }
 
 static Hit no_hit(void) {
@@ -92,6 +87,11 @@ static float end_of_lists(const Scene *scene, const EyeLine line, const Hit hit)
     const FLOAT far = ANY_LATE && !HAS(WITH_PLANES) ? far_of(hit.near.low) : TO_FLOAT(hit.t * scene->unit);
     return LARGEST_FLOAT(DEPTH_AT(far, line.a) * REACH_SLACK);
 }
+
+#ifdef WITH_LEAVING
+/* Which of the lanes' rays, which meet both surfaces, meet A before B: dispatch.cl asks all shapes. */
+static REAL_MASK comes_first_of(const Scene *scene, const Leaving ray, const INT A, const INT B);
+#endif
 
 #if ANY_LATE
 /* Which lanes meet what is at t before what they have hit so far, where float32 cannot tell: dispatch.cl asks all

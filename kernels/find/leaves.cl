@@ -144,23 +144,8 @@ typedef struct {
     int back[3]; /* whether they go against an axis */
 } Bundle;
 
-static float furthest_of_4(const float4 four) {
-    const float2 two = four.lo > four.hi ? four.lo : four.hi;
-    return two.x > two.y ? two.x : two.y;
-}
-
-static float furthest_of_8(const float8 eight) {
-    return furthest_of_4(eight.lo > eight.hi ? eight.lo : eight.hi);
-}
-
-static float furthest_of_16(const float16 x) {
-    return furthest_of_8(larger(x.lo, x.hi));
-}
-
 /* The largest lane. */
-static float largest_of(const FLOAT x) {
-    return PASTE(furthest_of_, W)(x);
-}
+#define largest_of(x) PASTE(furthest_of_, W)(x)
 
 static void bundle_rays(const Search *search, const MASK live, Bundle *bundle) {
     const int first = search->own[lowest_of(lane_bits(live))];
@@ -182,11 +167,9 @@ static void bundle_rays(const Search *search, const MASK live, Bundle *bundle) {
         bundle->least[j] = back ? -least : least;
         bundle->most[j] = back ? -most : most;
     }
-    const Float3 all_over = {over[0], over[1], over[2]}, all_from = {from[0], from[1], from[2]},
-                 all_to = {to[0], to[1], to[2]};
-    bundle->over = all_over;
-    bundle->from = all_from;
-    bundle->to = all_to;
+    bundle->over = (Float3){over[0], over[1], over[2]};
+    bundle->from = (Float3){from[0], from[1], from[2]};
+    bundle->to = (Float3){to[0], to[1], to[2]};
 }
 
 /* Which of 8 boxes any of the rays may meet within a distance; near: not before that. in, out: the planes by which the

@@ -24,33 +24,23 @@ typedef struct {
     REAL h_size, g_size;
 } Height;
 
-/* A ray in pairs: from its anchor to where it starts, and along it. */
-typedef struct {
-    Pair3 step, w;
-} PairRay;
-
-static PairRay pair_ray(const Geometry geometry, const Leaving ray) {
-#if REAL_BYTES == 8
-    const PairRay fine = {fine_start(geometry, ray), pairs_in_world(geometry, ray.d)};
-#else
-    const PairRay fine = {{pair(ray.p.x, 0), pair(ray.p.y, 0), pair(ray.p.z, 0)},
-                          {pair(ray.w.x, 0), pair(ray.w.y, 0), pair(ray.w.z, 0)}};
-#endif
-    return fine;
-}
-
 static real size_of_normal(const real4 m) {
     return (fabs(m.x) + fabs(m.y)) + fabs(m.z);
 }
 
 static Height height_along(const Geometry geometry, const Leaving ray, const PairRay fine, const int plane) {
     const real4 S = geometry.clip[2 * plane], m = geometry.clip[2 * plane + 1];
-    const Pair3 f = {plus(two_sum(ray.center.x, -(REAL)S.x), fine.step.x),
-                     plus(two_sum(ray.center.y, -(REAL)S.y), fine.step.y),
-                     plus(two_sum(ray.center.z, -(REAL)S.z), fine.step.z)};
-    const Height height = {dot_axis(m, f), dot_axis(m, fine.w), size_of_normal(m) * (size_of_pairs(f) + ray.reach),
-                           size_of_normal(m) * ray.w1};
-    return height;
+    const Pair3 f = plus3(pairs_between((Real3){S.x, S.y, S.z}, ray.center), fine.step);
+    return (Height){dot_axis(m, f), dot_axis(m, fine.w), size_of_normal(m) * (size_of_pairs(f) + ray.reach),
+                    size_of_normal(m) * ray.w1};
+}
+
+/* The same in double, without what is below that. */
+static Height rough_height(const Geometry geometry, const Leaving *ray, const int plane) {
+    const real4 S = geometry.clip[2 * plane], m = geometry.clip[2 * plane + 1];
+    const Real3 f = sum3(difference(ray->center, (Real3){S.x, S.y, S.z}), ray->p);
+    return (Height){pair(DOT(m, f), 0), pair(DOT(m, ray->w), 0), size_of_normal(m) * (size_of(f) + ray->reach),
+                    size_of_normal(m) * ray->w1};
 }
 
 #if REAL_BYTES == 8
@@ -68,11 +58,10 @@ static __attribute__((noinline)) REAL fine_height_signs(const Geometry geometry,
  * the share by which the directions of rays to lights are rounded; 0 of all other rays. */
 static REAL height_signs(const Geometry geometry, const Leaving *ray, const int plane, const INT index, const REAL t,
                          const MASK asked, const real slack) {
-    const real4 S = geometry.clip[2 * plane], m = geometry.clip[2 * plane + 1];
-    const Real3 f = {(ray->center.x - S.x) + ray->p.x, (ray->center.y - S.y) + ray->p.y,
-                     (ray->center.z - S.z) + ray->p.z};
-    const REAL g = DOT(m, ray->w), size = size_of_normal(m) * ((size_of(f) + ray->reach) + fabs(t) * ray->w1);
-    const REAL sign = sign_from(DOT(m, f) + t * g, T_ERROR * fabs(t * g) + (HEIGHT_ERROR + slack) * size);
+    const Height at = rough_height(geometry, ray, plane);
+    const REAL way = t * at.g.hi,
+               error = T_ERROR * fabs(way) + (HEIGHT_ERROR + slack) * (at.h_size + fabs(t) * at.g_size);
+    const REAL sign = sign_from(at.h.hi + way, error);
 #if REAL_BYTES == 8
     const MASK unsure = asked & TO_MASK(sign == 0);
     if (UNDECIDED(geometry, ANY(unsure)))
@@ -116,11 +105,9 @@ static MASK counts(const Scene *scene, const Leaving *ray, const INT index, cons
 static REAL end_of_range(const Scene *scene, const Leaving *ray) {
     REAL end = INFINITY;
     for (int plane = 0; !scene->unclipped && plane < scene->geometry.planes; plane++) {
-        const real4 S = scene->geometry.clip[2 * plane], m = scene->geometry.clip[2 * plane + 1];
-        const Real3 f = {(ray->center.x - S.x) + ray->p.x, (ray->center.y - S.y) + ray->p.y,
-                         (ray->center.z - S.z) + ray->p.z};
-        const REAL h = DOT(m, f) + HEIGHT_ERROR * size_of_normal(m) * (size_of(f) + ray->reach);
-        const REAL g = DOT(m, ray->w) + HEIGHT_ERROR * size_of_normal(m) * ray->w1, t = (h > 0 ? h : (REAL)0) / -g;
+        const Height at = rough_height(scene->geometry, ray, plane);
+        const REAL h = at.h.hi + HEIGHT_ERROR * at.h_size, g = at.g.hi + HEIGHT_ERROR * at.g_size;
+        const REAL t = (h > 0 ? h : (REAL)0) / -g;
         end = ((g < 0) & (t < end)) ? t : end;
     }
     return end;
@@ -142,9 +129,14 @@ static REAL plane_order(const Height at, const Height last) {
 }
 
 static Height chosen_height(const REAL_MASK first, const Height a, const Height b) {
-    const Height c = {choose_pair(first, a.h, b.h), choose_pair(first, a.g, b.g), first ? a.h_size : b.h_size,
-                      first ? a.g_size : b.g_size};
-    return c;
+    return (Height){choose_pair(first, a.h, b.h), choose_pair(first, a.g, b.g), first ? a.h_size : b.h_size,
+                    first ? a.g_size : b.g_size};
+}
+
+/* From the rays' center to where they meet a plane, t there. */
+static Pair3 point_on_plane(const PairRay fine, const Height at, Pair *t) {
+    *t = over(minus(pair(0, 0), at.h), at.g);
+    return plus3(fine.step, times3(*t, fine.w));
 }
 
 static Entry entry_of(const Geometry geometry, const Leaving ray) {
@@ -161,11 +153,9 @@ static Entry entry_of(const Geometry geometry, const Leaving ray) {
     }
     for (int plane = 0; plane < geometry.planes && ANY(entry.here); plane++)
         entry.here = entry.here & !TO_MASK(plane_order(height_along(geometry, ray, fine, plane), last) < 0);
-    const Pair t = over(minus(pair(0, 0), last.h), last.g);
+    Pair t;
+    entry.point = point_on_plane(fine, last, &t);
     entry.t = t.hi;
-    entry.point.x = plus(fine.step.x, times(t, fine.w.x));
-    entry.point.y = plus(fine.step.y, times(t, fine.w.y));
-    entry.point.z = plus(fine.step.z, times(t, fine.w.z));
     const REAL t_error = (last.h_size + fabs(t.hi) * last.g_size) / fabs(last.g.hi);
     entry.error = PAIR_ERROR * (ray.reach + (fabs(t.hi) + t_error) * ray.w1);
     return entry;
@@ -205,20 +195,18 @@ static __attribute__((noinline)) int meet_in_region(const Scene *scene, const Ra
     PUT_WHERE(put, hit->plane, (INT)-1);
     PUT3(PUT_WHERE, nearer, hit->from_center, alone.from_center);
     PUT_WHERE(nearer, hit->inside, alone.inside);
-    PUT_WHERE(nearer, hit->shares.EB, alone.shares.EB);
-    PUT_WHERE(nearer, hit->shares.EC, alone.shares.EC);
-    PUT_WHERE(nearer, hit->shares.all, alone.shares.all);
+    put_shares(nearer, alone.shares, &hit->shares);
     return ANY(put);
 }
 
-/* The surfaces of the lowest numbers that contain rays' entries. Of closed meshes, bits tell which ones do, of as many
- * at a time: those of which a ray meets an odd number of triangles beyond its entry, and none there. */
-#define SOLIDS_AT_ONCE 31
+/* The surfaces of the lowest numbers that contain rays' entries. First the convex ones are looked at, then the closed
+ * meshes one by one: such a mesh does if a ray meets an odd number of its triangles beyond its entry, and none there.
+ */
 typedef struct {
-    INT index, id;                /* a surface, -1 for none; its number */
-    int first;                    /* of the meshes, bits are those from this number on */
-    INT odd, on;                  /* the bits of meshes that are met an odd number of times beyond, and at the entry */
-    int triangle[SOLIDS_AT_ONCE]; /* one of each of these */
+    INT index, id;   /* a surface, -1 for none; its number */
+    int solid, next; /* which mesh is looked at, of Scene's solid_of, 0 for what is convex; and the next one there is */
+    int triangle;    /* one of it */
+    MASK odd, touches; /* whether rays meet an odd number beyond their entries, and any at these */
 } Closed;
 
 static void add_closed(const Scene *scene, const int index, const MASK contains, Closed *closed) {
@@ -227,60 +215,53 @@ static void add_closed(const Scene *scene, const int index, const MASK contains,
     PUT_WHERE(lower, closed->id, (INT)scene->id_of[index]);
 }
 
-/* Whether a surface is a triangle that the bits are about. */
-static int is_counted(const Scene *scene, const int index, const Closed *closed) {
-    const int solid = scene->solid_of[index];
-    return solid > closed->first && solid <= closed->first + SOLIDS_AT_ONCE;
-}
-
 /* Takes into account that rays meet a triangle, at t. */
 static void count_triangle(const Scene *scene, const Leaving *way, const Entry *entry, const int index, const REAL t,
                            MASK met, Closed *closed) {
     met = met & entry->here;
-    if (!ANY(met)) return;
-    const int bit = scene->solid_of[index] - 1 - closed->first;
-    closed->triangle[bit] = index;
-    for (int plane = 0; plane < scene->geometry.planes; plane++) {
+    for (int plane = 0; ANY(met) && plane < scene->geometry.planes; plane++) {
         const MASK here = met & (entry->plane == plane);
         if (!ANY(here)) continue;
         const REAL sign = height_signs(scene->geometry, way, plane, (INT)index, t, here, 0);
-        closed->odd ^= (here & TO_MASK(sign > 0)) ? (INT)(1 << bit) : (INT)0;
-        closed->on |= (here & TO_MASK(sign == 0)) ? (INT)(1 << bit) : (INT)0;
+        closed->odd ^= here & TO_MASK(sign > 0);
+        closed->touches |= here & TO_MASK(sign == 0);
     }
 }
 
-/* Adds the meshes that the bits are about, and goes on to the next ones. */
-static void add_meshes(const Scene *scene, Closed *closed) {
-    for (int bit = 0; bit < SOLIDS_AT_ONCE; bit++) {
-        const MASK contains = ((closed->odd & ~closed->on) & (INT)(1 << bit)) != 0;
-        if (ANY(contains)) add_closed(scene, closed->triangle[bit], contains, closed);
-    }
-    closed->odd = closed->on = 0;
-    closed->first += SOLIDS_AT_ONCE;
-}
-
-/* Adds a surface if it is convex and contains the entries. */
-static void add_if_convex(const Scene *scene, const Leaving *way, const Entry *entry, const int index, Closed *closed) {
-    if (closed->first > 0 || scene->solid_of[index] != 0) return;
+/* Whether a surface is a triangle of the mesh that is looked at. What is convex is added if it contains the entries. */
+static int is_counted(const Scene *scene, const Leaving *way, const Entry *entry, const int index, Closed *closed) {
+    const int solid = scene->solid_of[index];
+    if (solid > closed->solid) closed->next = min(closed->next, solid);
+    if (solid != closed->solid) return 0;
+    closed->triangle = index;
+    if (solid > 0) return 1;
     const MASK inside = ASK_SHAPE(scene->geometry, index,
                                   contains(scene, way->center, entry->point, entry->error, index));
     add_closed(scene, index, entry->here & inside, closed);
+    return 0;
+}
+
+/* Adds the mesh that is looked at, and goes on to the next one. Whether there is one. */
+static int goes_on(const Scene *scene, Closed *closed) {
+    if (closed->solid > 0) add_closed(scene, closed->triangle, closed->odd & !closed->touches, closed);
+    closed->solid = closed->next;
+    closed->next = INT_MAX;
+    closed->odd = closed->touches = 0;
+    return closed->solid < INT_MAX;
 }
 
 /* Those of all surfaces: of rays that start on surfaces which are not clipped, and enter the region. */
 static __attribute__((noinline)) Closed closed_of_all(const Scene *scene, const Leaving *way, const Entry *entry) {
-    Closed closed = {-1, 0, 0, 0, 0};
+    Closed closed = {-1, 0, 0, INT_MAX, 0, 0, 0};
     do {
         for (int index = 0; index < scene->surfaces && !is_over(scene); index++) {
-            add_if_convex(scene, way, entry, index, &closed);
-            if (!is_counted(scene, index, &closed)) continue;
+            if (!is_counted(scene, way, entry, index, &closed)) continue;
             Encounter at = {INFINITY};
             const INT asked = entry->here ? (INT)index : (INT)-1;
             EACH_SHAPE(scene->geometry, asked, encounter(scene, *way, asked, &at));
             count_triangle(scene, way, entry, index, at.t, TO_MASK(at.t < INFINITY), &closed);
         }
-        add_meshes(scene, &closed);
-    } while (closed.first < scene->solids);
+    } while (goes_on(scene, &closed));
     return closed;
 }
 
@@ -289,7 +270,7 @@ static Closed closed_of_tile(const Scene *scene, const Ray ray, const Leaving *w
                              const EyeLine *line, const Entry *entry, Work *work) {
     const FLOAT far = DEPTH_AT(TO_FLOAT(entry->t * scene->unit), line->a) * REACH_SLACK;
     const float last = scene->solids ? INFINITY : LARGEST_FLOAT(entry->here ? far : (FLOAT)0);
-    Closed closed = {-1, 0, 0, 0, 0};
+    Closed closed = {-1, 0, 0, INT_MAX, 0, 0, 0};
     do {
         const Grid grid = scene->lists.grid[0];
         Level level = first_level(grid);
@@ -299,14 +280,12 @@ static Closed closed_of_tile(const Scene *scene, const Ray ray, const Leaving *w
             for (int k = scene->lists.start[cell]; k < end; k++) {
                 const int2 listed = scene->lists.entry[k];
                 if (as_float(listed.y) > last) break;
-                add_if_convex(scene, way, entry, listed.x, &closed);
-                if (!is_counted(scene, listed.x, &closed)) continue;
+                if (!is_counted(scene, way, entry, listed.x, &closed)) continue;
                 const Hit alone = hit_alone(scene, ray, line, listed.x, work);
                 count_triangle(scene, way, entry, listed.x, alone.t, alone.id >= 0, &closed);
             }
         }
-        add_meshes(scene, &closed);
-    } while (closed.first < scene->solids);
+    } while (goes_on(scene, &closed));
     return closed;
 }
 
@@ -342,16 +321,6 @@ static __attribute__((noinline)) void meet_caps_from(const Scene *scene, const L
     PUT_WHERE(cap, met->plane, entry.plane);
 }
 
-/* Rays leave a cap from the point q of the world, rounded, which need not be in its plane: nothing is met there. */
-#define CAP (-2)
-static void leave_cap(Leaving *ray) {
-    const REAL_MASK here = TO_REAL_MASK(ray->own == CAP);
-    PUT3(PUT_WHERE, here, ray->center, ray->q);
-    const Real3 none = {0, 0, 0};
-    PUT3(PUT_WHERE, here, ray->p, none);
-    PUT_WHERE(here, ray->r, (REAL)0);
-    PUT_WHERE(here, ray->reach, (REAL)0);
-}
 #define FIRST_REACH(scene, ray, line, tile, hit, work) meet_caps(scene, &(ray), &(line), tile, hit, work)
 #define FAR_END(scene, ray) end_of_range(scene, ray)
 #else

@@ -1,34 +1,19 @@
 /* stopped.cl: whether anything stands between a point and a light. */
 
-/* Triangles on which it is known that no shadow falls, see find/unstoppable.cl. */
-#ifdef WITH_UNSTOPPABLE
-/* The number of `unstoppable` that has the bit of each lane's triangle; 0 of other surfaces. */
-static INT bits_of_triangles(const Scene *scene, const int light, const INT own) {
-    __global const int *bits = scene->unstoppable + (long)light * ((scene->triangles + 31) / 32);
-    INT left = IS_TRIANGLE(scene->geometry, own) ? (own - FIRST_TRIANGLE(scene->geometry)) >> 5 : (INT)-1, found = 0;
-    for (int one = LARGEST(left); one >= 0; one = LARGEST(left)) {
-        PUT_WHERE(left == one, found, (INT)bits[one]);
-        left = left == one ? (INT)-1 : left;
-    }
-    return found;
-}
-
-/* In which lanes the own surface is not known to be a triangle on which no shadow of a light can fall. */
+/* In which lanes the own surface is not known to be a triangle on which no shadow of a light can fall: see
+ * find/unstoppable.cl. */
 static MASK may_be_shaded(const Scene *scene, const int light, const INT own) {
-    return ((bits_of_triangles(scene, light, own) >> ((own - FIRST_TRIANGLE(scene->geometry)) & 31)) & 1) - 1;
+    const INT number = own - FIRST_TRIANGLE(scene->geometry), word = number >= 0 ? number >> 5 : (INT)-1;
+    const INT bits = numbers_at(scene->unstoppable + (long)light * ((scene->triangles + 31) / 32), word);
+    return (((word >= 0 ? bits : (INT)0) >> (number & 31)) & 1) - 1;
 }
-#define IS_PROVED(scene, light) ((light) < (scene)->proved)
-#else
-#define may_be_shaded(scene, light, own) ALL_LANES
-#define IS_PROVED(scene, light) 0
-#endif
 
 /* Whether anything stands between a point and a light. */
 
 /* In which lanes anything can stand between the light and the own surface at all. Of few spheres the host has a bit for
  * each one; of many, and of triangles, all bits are set. */
 static MASK may_be_stopped(const Scene *scene, const int number, const INT own) {
-    if (IS_PROVED(scene, number)) return may_be_shaded(scene, number, own);
+    if (HAS(WITH_UNSTOPPABLE) && number < scene->proved) return may_be_shaded(scene, number, own);
     return -(((INT)scene->light_buffer[number].z >> (own & 31)) & 1);
 }
 
@@ -78,13 +63,9 @@ static Cell cell_on(const Grid grid, const ShadowRay ray, const MASK lit) {
 static Leaving way_to_light(const Scene *scene, const ShadowRay *ray, const Start *start) {
     Start P = *start;
     place_start(scene->geometry, &P);
-    const real4 L = scene->lamp[ray->number];
-    const Real3 far = {(L.x - P.anchor.x) - P.step.x, (L.y - P.anchor.y) - P.step.y, (L.z - P.anchor.z) - P.step.z};
-    const Real3 along = {L.x, L.y, L.z};
-    Leaving way = leaving_to(P, ray->at_point ? far : along);
+    Leaving way = way_to_lamp(scene->lamp[ray->number], ray->at_point, P);
     way.inner = P.side < 0;
     way.d = ray->w;
-    way.w1 = size_of(way.w) + P.reach;
     return way;
 }
 
@@ -113,8 +94,7 @@ static __attribute__((noinline)) MASK stops_in_region(const Scene *scene, const 
     for (int plane = 0; plane < geometry.planes; plane++) {
         const REAL one = ray->at_point ? (REAL)1 : (REAL)0;
         const real4 S = geometry.clip[2 * plane], m = geometry.clip[2 * plane + 1];
-        const Real3 f = {L.x - S.x, L.y - S.y, L.z - S.z};
-        const Real3 to = {ray->at_point ? f.x : along.x, ray->at_point ? f.y : along.y, ray->at_point ? f.z : along.z};
+        const Real3 to = ray->at_point ? difference(along, (Real3){S.x, S.y, S.z}) : along;
         open = open | TO_MASK(DOT(m, to) <= HEIGHT_ERROR * size_of_normal(m) * size_of(to) * one);
     }
     open = open & stops;

@@ -21,23 +21,18 @@ static void meet(const Scene *scene, const Leaving ray, const INT index, Met *me
     COUNT(DECIDED, wanted);
     Encounter at = met->at;
     EACH_SHAPE(scene->geometry, index, encounter(scene, ray, index, &at));
+    Met rival = *met;
 #ifdef WITH_PLANES
     const MASK capped = met->plane >= 0, some = wanted & TO_MASK(at.t < INFINITY);
     PUT_WHERE(TO_REAL_MASK(!counts(scene, &ray, index, at.t, met->plane, some)), at.t, (REAL)INFINITY);
-    Met rival = *met;
     PUT_WHERE(TO_REAL_MASK(capped), rival.at.t, (REAL)INFINITY);
     PUT_WHERE(TO_MASK(at.t < INFINITY), met->plane, (INT)-1);
-    const REAL_MASK nearer = TO_REAL_MASK(wanted) & closer_from(scene, ray, index, at.t, rival);
-#else
-    const REAL_MASK nearer = TO_REAL_MASK(wanted) & closer_from(scene, ray, index, at.t, *met);
 #endif
+    const REAL_MASK nearer = TO_REAL_MASK(wanted) & closer_from(scene, ray, index, at.t, rival);
     PUT_WHERE(nearer, met->at.t, at.t);
     PUT_WHERE(nearer, met->at.inside, at.inside);
     PUT_WHERE(TO_MASK(nearer), met->id, index);
-    if (!ANY_LATE) return;
-    PUT_WHERE(nearer, met->at.shares.EB, at.shares.EB);
-    PUT_WHERE(nearer, met->at.shares.EC, at.shares.EC);
-    PUT_WHERE(nearer, met->at.shares.all, at.shares.all);
+    if (ANY_LATE) put_shares(nearer, at.shares, &met->at.shares);
 }
 
 /* Decides all candidates, and forgets them. Tells how far each ray has to look from now on. */
@@ -299,23 +294,32 @@ static REAL over_root(const REAL ww) {
     return guess * ((real)1.5f - (real)0.5f * ww * (guess * guess));
 }
 
-/* Puts the rays into a search, in the tree's unit. over: 1 / |w|; limit: as of closest_from(). */
-static void start_search(const Leaving *ray, const real4 middle, const REAL over, const REAL limit, Search *search) {
-    const FLOAT wx = TO_FLOAT(ray->w.x * over), wy = TO_FLOAT(ray->w.y * over), wz = TO_FLOAT(ray->w.z * over);
-    STORE_LANES(TO_FLOAT(((ray->center.x - middle.x) + ray->p.x) * middle.w), search->o[0]);
-    STORE_LANES(TO_FLOAT(((ray->center.y - middle.y) + ray->p.y) * middle.w), search->o[1]);
-    STORE_LANES(TO_FLOAT(((ray->center.z - middle.z) + ray->p.z) * middle.w), search->o[2]);
-    STORE_LANES(wx, search->w[0]);
-    STORE_LANES(wy, search->w[1]);
-    STORE_LANES(wz, search->w[2]);
-    STORE_LANES(copysign(1 / fmax(fabs(wx), 0x1p-60f), wx), search->over[0]);
-    STORE_LANES(copysign(1 / fmax(fabs(wy), 0x1p-60f), wy), search->over[1]);
-    STORE_LANES(copysign(1 / fmax(fabs(wz), 0x1p-60f), wz), search->over[2]);
-    const REAL end = search->met->at.t < limit ? search->met->at.t : limit;
+/* Begins the search of rays for what they meet before `limit`, in t, and before what is in `met`. found: room for
+ * candidates. */
+static void start_search(const Scene *scene, const Leaving *ray, const REAL limit, Reached *found, Met *met, Work *work,
+                         Search *search) {
+    const real4 middle = scene->tree.middle;
+    const REAL ww = DOT(ray->w, ray->w), over = over_root(ww);
+    const Real3 from = sum3(difference(ray->center, (Real3){middle.x, middle.y, middle.z}), ray->p);
+    const Real3 start = scaled(from, middle.w), way = scaled(ray->w, over);
+    const FLOAT o[3] = {TO_FLOAT(start.x), TO_FLOAT(start.y), TO_FLOAT(start.z)};
+    const FLOAT w[3] = {TO_FLOAT(way.x), TO_FLOAT(way.y), TO_FLOAT(way.z)};
+    for (int j = 0; j < 3; j++) {
+        STORE_LANES(o[j], search->o[j]);
+        STORE_LANES(w[j], search->w[j]);
+        STORE_LANES(copysign(1 / fmax(fabs(w[j]), 0x1p-60f), w[j]), search->over[j]);
+    }
+    search->scene = scene;
+    search->ray = ray;
+    search->found = found;
+    search->met = met;
+    search->work = work;
+    search->scale = ww * over * middle.w;
+    const REAL end = met->at.t < limit ? met->at.t : limit;
     STORE_LANES(TO_FLOAT(end * search->scale) * REACH_SLACK, search->reach);
     STORE_LANES(ray->own, search->own);
     STORE_LANES((INT)0, search->count);
-    search->shorter = 0;
+    search->shorter = search->decided = 0;
 }
 
 /* The nearest surface that each of the lanes `live` of these rays meets; of equally near ones that with the lowest id.
@@ -324,24 +328,16 @@ static void start_search(const Leaving *ray, const real4 middle, const REAL over
  * otherwise: whoever has a limit compares t with it. */
 static __attribute__((noinline)) Met closest_from(const Scene *all, const Leaving *ray, const MASK live,
                                                   const REAL limit, Work *work) {
-    const real4 middle = all->tree.middle;
     Met met = {{INFINITY, 0, {0, 0, 0}}, -1, -1};
 #ifdef WITH_PLANES
     meet_caps_from(all, ray, live, &met);
 #endif
-    const REAL ww = DOT(ray->w, ray->w), over = over_root(ww);
     /* The far side of what is round is met for certain. */
     const MASK inner = live & TO_MASK(ray->inner);
     if (ANY_ROUND && ANY(inner)) meet(all, *ray, inner ? ray->own : (INT)-1, &met, work);
     Reached found; /* is large: most of it is never read before it is written */
     Search search;
-    search.found = &found;
-    search.scene = all;
-    search.ray = ray;
-    search.met = &met;
-    search.work = work;
-    search.scale = ww * over * middle.w;
-    start_search(ray, middle, over, limit, &search);
+    start_search(all, ray, limit, &found, &met, work, &search);
     walk_all(live, &search);
     if (ANY(LOAD_LANES(search.count) > 0)) decide_all(&search);
     return met;

@@ -70,63 +70,12 @@ static void sort_by_index(int2 *entry, const int count) {
         }
 }
 
-#define GREATER(a, b) ((a) > (b) ? (a) : (b))
-
 /* From a point of the world to the light, along the camera's axes, in the float buffers' unit. */
 static Float3 way_to(const Lamp lamp, const REAL x, const REAL y, const REAL z) {
     const REAL X = lamp.place.x - x, Y = lamp.place.y - y, Z = lamp.place.z - z;
-    const Float3 way = {TO_FLOAT(((lamp.right.x * X + lamp.right.y * Y) + lamp.right.z * Z) * lamp.unit),
-                        TO_FLOAT(((lamp.up.x * X + lamp.up.y * Y) + lamp.up.z * Z) * lamp.unit),
-                        TO_FLOAT(((lamp.back.x * X + lamp.back.y * Y) + lamp.back.z * Z) * lamp.unit)};
-    return way;
-}
-
-/* The scalar product, in float, of a direction and the first three of a grid's axis. */
-static FLOAT dot_axis(const Float3 w, const float4 axis) {
-    return (w.x * axis.x + w.y * axis.y) + w.z * axis.z;
-}
-
-/* Reads W entries of surfaces, the last ones of which are the last one of `count` again. */
-static void read_few(const Lamp lamp, const int2 *entry, const int count, Few *few, Real3 *place) {
-    real X[3][W], Y[3][W], Z[3][W];
-    int corner[3][W], number[W], asked[W];
-    float near[W], nx[3][W], ny[3][W], nz[3][W], own[3][W];
-    for (int lane = 0; lane < W; lane++) {
-        const int2 one = entry[min(lane, count - 1)];
-        const int other = one.x < lamp.spheres, at = other ? -1 : one.x - lamp.spheres;
-        number[lane] = at;
-        near[lane] = lane < count ? as_float(one.y) : INFINITY;
-        asked[lane] = lane < count && !other && lamp.wanted[at] ? -1 : 0;
-        const int4 face = other ? (int4)(-1) : lamp.face[at];
-        const int which[3] = {face.x, face.y, face.z};
-#pragma unroll
-        for (int c = 0; c < 3; c++) {
-            const real4 v = lamp.vertex[max(which[c], 0)];
-            const float4 edge = other ? (float4)NAN : lamp.facet[3 * (long)at + c];
-            corner[c][lane] = which[c];
-            X[c][lane] = v.x;
-            Y[c][lane] = v.y;
-            Z[c][lane] = v.z;
-            nx[c][lane] = edge.x;
-            ny[c][lane] = edge.y;
-            nz[c][lane] = edge.z;
-            own[c][lane] = edge.w;
-        }
-    }
-    few->number = LOAD_LANES(number);
-    few->near = LOAD_LANES(near);
-    few->asked = LOAD_LANES(asked);
-    for (int c = 0; c < 3; c++) {
-        const Real3 v = {LOAD_LANES(X[c]), LOAD_LANES(Y[c]), LOAD_LANES(Z[c])};
-        place[c] = v;
-        few->corner[c] = LOAD_LANES(corner[c]);
-        few->nx[c] = LOAD_LANES(nx[c]);
-        few->ny[c] = LOAD_LANES(ny[c]);
-        few->nz[c] = LOAD_LANES(nz[c]);
-    }
-    few->nx[3] = LOAD_LANES(own[0]);
-    few->ny[3] = LOAD_LANES(own[1]);
-    few->nz[3] = LOAD_LANES(own[2]);
+    return (Float3){TO_FLOAT(((lamp.right.x * X + lamp.right.y * Y) + lamp.right.z * Z) * lamp.unit),
+                    TO_FLOAT(((lamp.up.x * X + lamp.up.y * Y) + lamp.up.z * Z) * lamp.unit),
+                    TO_FLOAT(((lamp.back.x * X + lamp.back.y * Y) + lamp.back.z * Z) * lamp.unit)};
 }
 
 /* Whether eye and light are on one side of a triangle, but for rounding. Where they are not, what the eye sees is dark,
@@ -140,16 +89,40 @@ static MASK shows_both(const Lamp lamp, const Few *few) {
     return (lit > 0) == (lit > between);
 }
 
-/* Up to W entries of a list. */
+/* Up to W entries of a list; the last lanes have the last one again. */
 static void put_few(const Lamp lamp, const Grid grid, const int2 *entry, const int count, const int of_cell, Few *few) {
-    Real3 place[3];
-    read_few(lamp, entry, count, few, place);
+    int number[W], asked[W];
+    float near[W];
+    for (int lane = 0; lane < W; lane++) {
+        const int2 one = entry[min(lane, count - 1)];
+        const int other = one.x < lamp.spheres;
+        number[lane] = other ? -1 : one.x - lamp.spheres;
+        near[lane] = lane < count ? as_float(one.y) : INFINITY;
+        asked[lane] = lane < count && !other && lamp.wanted[number[lane]] ? -1 : 0;
+    }
+    few->number = LOAD_LANES(number);
+    few->near = LOAD_LANES(near);
+    few->asked = LOAD_LANES(asked);
     few->of_cell = of_cell;
-    FLOAT most[4] = {-INFINITY, -INFINITY, -INFINITY, -INFINITY}, furthest = 0;
+    FLOAT own[3], most[4] = {-INFINITY, -INFINITY, -INFINITY, -INFINITY}, furthest = 0;
     const MASK other = few->number < 0;
     MASK open = other;
     for (int c = 0; c < 3; c++) {
-        Float3 w = way_to(lamp, place[c].x, place[c].y, place[c].z);
+        int corner[W];
+        real4 place[W];
+        float4 edge[W];
+        for (int lane = 0; lane < W; lane++) {
+            const int at = number[lane];
+            corner[lane] = at < 0 ? -1 : ((__global const int *)(lamp.face + at))[c];
+            place[lane] = lamp.vertex[max(corner[lane], 0)];
+            edge[lane] = at < 0 ? (float4)NAN : lamp.facet[3 * (long)at + c];
+        }
+        few->corner[c] = LOAD_LANES(corner);
+        few->nx[c] = (FLOAT)EACH_LANE(edge, .x);
+        few->ny[c] = (FLOAT)EACH_LANE(edge, .y);
+        few->nz[c] = (FLOAT)EACH_LANE(edge, .z);
+        own[c] = (FLOAT)EACH_LANE(edge, .w);
+        Float3 w = way_to(lamp, (REAL)EACH_LANE(place, .x), (REAL)EACH_LANE(place, .y), (REAL)EACH_LANE(place, .z));
         const FLOAT square = (w.x * w.x + w.y * w.y) + w.z * w.z;
         /* Nothing is known of other surfaces, and of what all but touches the light. */
         const MASK touches = square < 0x1p-80f;
@@ -162,8 +135,8 @@ static void put_few(const Lamp lamp, const Grid grid, const int2 *entry, const i
         furthest = GREATER(square, furthest);
         /* As axes are no longer than 3, a product is off by less than 15 roundings of the 32 here. */
         const FLOAT loose = 0x1p-19f * ((magnitude(w.x) + magnitude(w.y)) + magnitude(w.z));
-        const FLOAT ahead = -dot_axis(w, grid.near_ahead), over = 1 / ahead;
-        const FLOAT u = -dot_axis(w, grid.near_right) * over, v = -dot_axis(w, grid.near_up) * over;
+        const FLOAT ahead = -DOT(w, grid.near_ahead), over = 1 / ahead;
+        const FLOAT u = -DOT(w, grid.near_right) * over, v = -DOT(w, grid.near_up) * over;
         const FLOAT u_off = loose * over * (1 + magnitude(u)), v_off = loose * over * (1 + magnitude(v));
         open |= !(ahead > loose);
         most[0] = GREATER(u + u_off, most[0]);
@@ -171,6 +144,9 @@ static void put_few(const Lamp lamp, const Grid grid, const int2 *entry, const i
         most[2] = GREATER(u_off - u, most[2]);
         most[3] = GREATER(v_off - v, most[3]);
     }
+    few->nx[3] = own[0];
+    few->ny[3] = own[1];
+    few->nz[3] = own[2];
     /* A square is off by less than 9 roundings, and so is that of a point between the corners. */
     few->far = furthest * (1 + 0x1p-19f);
     for (int k = 0; k < 4; k++) {
@@ -304,10 +280,6 @@ static void leave_open(__global const int2 *entry, const int first, const int en
         if (entry[k].x >= spheres) open[entry[k].x - spheres] = 1;
 }
 
-/* For each level above one of the grid's, from the coarsest on. */
-#define FOR_EACH_LEVEL_ABOVE(above, level) \
-    for (Level above = first_level(grid); (above = next_level(grid, above)).level > (level).level;)
-
 /* Notes of each triangle that is wanted and in a grid's lists that it is there, in `listed`, and whether a point of it
  * may be in a shadow, in `open`. */
 __kernel void find_stoppable(const Grid grid, const double4 place, const double4 right, const double4 up,
@@ -327,36 +299,29 @@ __kernel void find_stoppable(const Grid grid, const double4 place, const double4
             const int first = start[level.first + cell], end = start[level.first + cell + 1];
             if (first == end) continue;
             const int2 corner = {(cell % level.columns) << level.level, (cell / level.columns) << level.level};
-            int total = end - first;
-            FOR_EACH_LEVEL_ABOVE(above, level) {
-                const int over = cell_of(above, corner);
-                total += start[over + 1] - start[over];
+            /* The list of the cell itself, then those of the larger ones around it. */
+            int list[32] = {level.first + cell}, lists = 1, total = end - first;
+            for (Level above = first_level(grid); (above = next_level(grid, above)).level > level.level;) {
+                list[lists] = cell_of(above, corner);
+                total += start[list[lists] + 1] - start[list[lists]];
+                lists++;
             }
             if (total > MOST_LISTED) {
-                leave_open(entry, first, end, spheres, open);
-                FOR_EACH_LEVEL_ABOVE(above, level) {
-                    const int over = cell_of(above, corner);
-                    if (start[over + 1] - start[over] <= MOST_LISTED)
-                        leave_open(entry, start[over], start[over + 1], spheres, open);
-                }
+                for (int k = 0; k < lists; k++)
+                    if (k == 0 || start[list[k] + 1] - start[list[k]] <= MOST_LISTED)
+                        leave_open(entry, start[list[k]], start[list[k] + 1], spheres, open);
                 continue;
             }
             Reading reading = {entry, few, 0};
-            put_list(lamp, grid, first, end, -1, 1, &reading);
-            FOR_EACH_LEVEL_ABOVE(above, level) {
-                const int over = cell_of(above, corner);
-                put_list(lamp, grid, start[over], start[over + 1], -1, 0, &reading);
-            }
+            for (int k = 0; k < lists; k++)
+                put_list(lamp, grid, start[list[k]], start[list[k] + 1], -1, k == 0, &reading);
             const int asked = reading.packets;
             FLOAT most = 0;
             for (int k = 0; k < asked; k++) most = (few[k].asked & (few[k].far > most)) ? few[k].far : most;
             const float far = LARGEST_FLOAT(most);
             if (far == 0) continue;
-            put_list(lamp, grid, first, end, far, 1, &reading);
-            FOR_EACH_LEVEL_ABOVE(above, level) {
-                const int over = cell_of(above, corner);
-                put_list(lamp, grid, start[over], start[over + 1], far, 0, &reading);
-            }
+            for (int k = 0; k < lists; k++)
+                put_list(lamp, grid, start[list[k]], start[list[k] + 1], far, k == 0, &reading);
             for (int i = 0; i < W * asked; i++) {
                 const Few *own = few + i / W;
                 const int number = INT_AT(own->number, i % W);

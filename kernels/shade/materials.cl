@@ -37,10 +37,6 @@ static __attribute__((always_inline)) void put_material(const SHADE_MASK here, c
 }
 
 static __attribute__((always_inline)) void put_materials(const Scene *scene, const INT id, Intersection *at) {
-    if (!ANY_TINY) {
-        FOR_EACH_INDEX(one, id) put_material(TO_SHADE_MASK(id == one), scene->material[scene->material_of[one]], at);
-        return;
-    }
     INT left = materials_of(scene, id);
     do {
         const int one = LARGEST(left);
@@ -49,14 +45,9 @@ static __attribute__((always_inline)) void put_materials(const Scene *scene, con
     } while (RARELY(ANY(left >= 0)));
 }
 
-#if ANY_TINY
-/* As a function of its own it would keep intersections in memory, as triangle_put() would: frames with mirrors take
- * 0.9 of the time. */
-static __attribute__((always_inline)) Intersection material_at(const Scene *scene, const INT id);
-#endif
-
-/* Material of each lane's hit. Lanes without a hit keep harmless values. */
-static Intersection material_at(const Scene *scene, const INT id) {
+/* Material of each lane's hit. Lanes without a hit keep harmless values. As a function of its own it would keep
+ * intersections in memory, as triangle_put() would: frames with mirrors take 0.9 of the time. */
+static __attribute__((always_inline)) Intersection material_at(const Scene *scene, const INT id) {
     Intersection at;
     at.hit = id >= 0;
     at.ambient.x = at.ambient.y = at.ambient.z = at.diffuse.x = at.diffuse.y = at.diffuse.z = at.ks = at.exponent = 0;

@@ -98,7 +98,7 @@ typedef struct {
     MASK black;     /* WITH_BLACK, whether the material reflects no light at all */
     Real3 normal;   /* outward unit normal of the sphere, in camera space */
     Start start;    /* where its shadow rays start; start.side * normal faces the ray */
-    Real3 q;        /* WITH_SHAPES, see Spot and place_on() */
+    Real3 q;        /* WITH_SHAPES, see Spot and places_of() */
     REAL spread;    /* WITH_SHAPES, see lift() */
     REAL u, v;      /* WITH_UV, where the points are on a texture, see materials.cl */
     Shade3 ambient; /* ka La C */
@@ -119,9 +119,7 @@ typedef struct {
 /* The unit vector from the point to the light. */
 #if SHADE_BYTES == 8
 static Shade3 unit_to(const ShadowRay ray, const MASK lit) {
-    const SHADE over = 1 / sqrt(DOT(ray.w, ray.w));
-    const Shade3 l = {ray.w.x * over, ray.w.y * over, ray.w.z * over};
-    return l;
+    return scaled(ray.w, 1 / sqrt(DOT(ray.w, ray.w)));
 }
 #else
 static Shade3 unit_to(const ShadowRay ray, const MASK lit) {
@@ -130,7 +128,7 @@ static Shade3 unit_to(const ShadowRay ray, const MASK lit) {
     if (ANY(lit & tiny)) {
         /* The light all but touches the surface, or is near for the unit of lengths: in float, |w|^2 would vanish. A
          * power of two leaves the digits that w has in any unit. */
-        const Real3 w = {ray.w.x * (real)0x1p80f, ray.w.y * (real)0x1p80f, ray.w.z * (real)0x1p80f};
+        const Real3 w = scaled(ray.w, (real)0x1p80f);
         const REAL over = POWER_OF_TWO(1 / sqrt(DOT(w, w)));
         l.x = tiny ? TO_FLOAT(w.x * over) : l.x;
         l.y = tiny ? TO_FLOAT(w.y * over) : l.y;

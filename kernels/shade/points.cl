@@ -15,28 +15,18 @@ static __attribute__((noinline)) void put_caps(const Frame *camera, const Scene 
         const REAL_MASK here = TO_REAL_MASK(cap);
         const real4 S = scene->geometry.clip[2 * plane], m = scene->geometry.clip[2 * plane + 1];
         const REAL over_size = -1 / sqrt((REAL)((m.x * m.x + m.y * m.y) + m.z * m.z));
-        const Real3 outward = {over_size * m.x, over_size * m.y, over_size * m.z}, none = {0, 0, 0};
+        const Real3 outward = {over_size * m.x, over_size * m.y, over_size * m.z};
         const Real3 n = turned_to_camera(frame, outward);
-        const Height height = height_along(scene->geometry, way, fine, plane);
-        const Pair t = over(minus(pair(0, 0), height.h), height.g);
-        const Real3 place = {plus(pair(way.center.x, 0), plus(fine.step.x, times(t, fine.w.x))).hi,
-                             plus(pair(way.center.y, 0), plus(fine.step.y, times(t, fine.w.y))).hi,
-                             plus(pair(way.center.z, 0), plus(fine.step.z, times(t, fine.w.z))).hi};
+        Pair t;
+        const Pair3 step = point_on_plane(fine, height_along(scene->geometry, way, fine, plane), &t);
+        const Real3 place = {plus(pair(way.center.x, 0), step.x).hi, plus(pair(way.center.y, 0), step.y).hi,
+                             plus(pair(way.center.z, 0), step.z).hi};
         PUT3(PUT_WHERE, here, at->normal, n);
         PUT3(PUT_WHERE, here, at->q, place);
-        PUT3(PUT_WHERE, here, at->start.own.center, P);
-        PUT3(PUT_WHERE, here, at->start.from_eye, P);
-        PUT3(PUT_WHERE, here, at->start.anchor, place);
-        PUT3(PUT_WHERE, here, at->start.q, place);
-        PUT3(PUT_WHERE, here, at->start.p, none);
-        PUT3(PUT_WHERE, here, at->start.step, none);
-        PUT_WHERE(here, at->start.own.r, (REAL)0);
-        PUT_WHERE(here, at->start.support, (REAL)0);
-        PUT_WHERE(here, at->start.reach, (REAL)0);
-        PUT_WHERE(here, at->start.side, (REAL)1);
-        PUT_WHERE(here, at->start.stretched, here);
-        PUT_WHERE(here, at->start.near_eye, (REAL_MASK)0);
         PUT_WHERE(here, at->spread, (REAL)1);
+        start_at_place(here, P, (REAL)1, &at->start);
+        start_from_place(here, (Place3){place, {0, 0, 0}, 0}, &at->start);
+        PUT3(PUT_WHERE, here, at->start.q, place);
         PUT_WHERE(cap, at->start.index, (INT)CAP);
         if (HAS(WITH_UV)) PUT_WHERE(here, at->u, (REAL)0);
         if (HAS(WITH_UV)) PUT_WHERE(here, at->v, (REAL)0);
@@ -48,48 +38,35 @@ static __attribute__((noinline)) void put_caps(const Frame *camera, const Scene 
         at->matte = at->matte | cap;
     }
 }
+#else
+#define put_caps(camera, scene, ray, planes, P, at)
 #endif
 
 /* Puts what a ray from the eye has met into an intersection, but for its material. */
 static __attribute__((always_inline)) void put_surfaces(const Frame frame, const Scene *scene, const Ray ray,
                                                         const Hit hit, Intersection *at) {
-#ifdef WITH_PLANES
     Hit own = hit;
-    own.id = hit.plane >= 0 ? (INT)-1 : hit.id;
-    at->matte = 0;
-#else
-#define own hit
-#endif
+    if (HAS(WITH_PLANES)) own.id = hit.plane >= 0 ? (INT)-1 : hit.id;
+    if (HAS(WITH_PLANES)) at->matte = 0;
     if (HAS(WITH_NORMAL)) EACH_SHAPE(scene->geometry, own.id, put(frame, scene, ray, own, at));
     if (HAS(WITH_TEXTURES)) paint(scene, own.id, at);
-#ifdef WITH_PLANES
-    if (ANY(hit.plane >= 0)) {
+    if (HAS(WITH_PLANES) && ANY(hit.plane >= 0)) {
         const Leaving way = from_eye(scene->geometry, eye_ray(ray));
         put_caps(&frame, scene, &way, hit.plane, point_at(ray, hit.t), at);
     }
-#else
-#undef own
-#endif
 }
 
 #ifdef WITH_BOUNCES
 /* Normal and material of what a ray that left a surface has met. */
 static Intersection intersection_from(const Frame frame, const Scene *scene, const Leaving ray, const Met met) {
     Intersection at = material_at(scene, met.id);
-#ifdef WITH_PLANES
     Met own = met;
-    own.id = met.plane >= 0 ? (INT)-1 : met.id;
-    at.matte = 0;
-#else
-#define own met
-#endif
+    if (HAS(WITH_PLANES)) own.id = met.plane >= 0 ? (INT)-1 : met.id;
+    if (HAS(WITH_PLANES)) at.matte = 0;
     EACH_SHAPE(scene->geometry, own.id, put_from(frame, scene, ray, own, &at));
     if (HAS(WITH_TEXTURES)) paint(scene, own.id, &at);
-#ifdef WITH_PLANES
-    if (ANY(met.plane >= 0)) put_caps(&frame, scene, &ray, met.plane, point_from(frame, scene, ray, met), &at);
-#else
-#undef own
-#endif
+    if (HAS(WITH_PLANES) && ANY(met.plane >= 0))
+        put_caps(&frame, scene, &ray, met.plane, point_from(frame, scene, ray, met), &at);
     return at;
 }
 #endif
@@ -105,19 +82,13 @@ static Intersection intersection_from(const Frame frame, const Scene *scene, con
 
 /* The direction, turned off the surface where rounding left it not surely on its side: there n.d is less than LIFT |d|,
  * and all that is off in it, here and in the decision about the own surface, is below that. */
-static Real3 lift(Real3 d, const Real3 n, const REAL side, const REAL spread) {
+static Real3 lift(const Real3 d, const Real3 n, const REAL side, const REAL spread) {
     const REAL e = side * DOT(n, d), least = LIFT * size_of(d) * spread;
-    const REAL more = e > least ? (REAL)0 : side * (2 * least - e);
-    d.x += more * n.x;
-    d.y += more * n.y;
-    d.z += more * n.z;
-    return d;
+    return sum3(d, scaled(n, e > least ? (REAL)0 : side * (2 * least - e)));
 }
 
 static Real3 mirrored(const Real3 d, const Real3 n, const REAL side, const REAL spread) {
-    const REAL k = 2 * DOT(n, d);
-    const Real3 out = {d.x - k * n.x, d.y - k * n.y, d.z - k * n.z};
-    return lift(out, n, side, spread);
+    return lift(difference(d, scaled(n, 2 * DOT(n, d))), n, side, spread);
 }
 
 typedef struct {
@@ -130,17 +101,11 @@ typedef struct {
  * 1 - c^2 would lose. */
 static Refraction refracted(const Real3 d, const Real3 n, const REAL side, const REAL index, const REAL spread) {
     const REAL eta = side > 0 ? 1 / index : index, c = -(side * DOT(n, d));
-    const Real3 N = {side * n.x, side * n.y, side * n.z};
-    const Real3 X = {n.y * d.z - n.z * d.y, n.z * d.x - n.x * d.z, n.x * d.y - n.y * d.x};
+    const Real3 N = scaled(n, side), X = cross_of(n, d);
     const REAL k = DOT(d, d) - (eta * eta) * DOT(X, X), root = sqrt(k > 0 ? k : (REAL)0);
     const REAL_MASK same = index == 1;
-    const Real3 bent = {eta * (d.x + c * N.x) - root * N.x, eta * (d.y + c * N.y) - root * N.y,
-                        eta * (d.z + c * N.z) - root * N.z};
-    Refraction out = {lift(bent, n, -side, spread), !same & (k < 0)};
-    out.d.x = same ? d.x : out.d.x;
-    out.d.y = same ? d.y : out.d.y;
-    out.d.z = same ? d.z : out.d.z;
-    return out;
+    const Real3 bent = difference(scaled(sum3(d, scaled(N, c)), eta), scaled(N, root));
+    return (Refraction){chosen(same, d, lift(bent, n, -side, spread)), !same & (k < 0)};
 }
 #endif
 
@@ -157,8 +122,7 @@ static LANES(uint) byte_of(const SHADE value, const shade_t rounding) {
 /* Turns a direction from camera space into the world. */
 static Float3 to_world(const Frame frame, const Real3 v) {
     const Real3 turned = turned_to_world(frame, v);
-    const Float3 w = {TO_FLOAT(turned.x), TO_FLOAT(turned.y), TO_FLOAT(turned.z)};
-    return w;
+    return (Float3){TO_FLOAT(turned.x), TO_FLOAT(turned.y), TO_FLOAT(turned.z)};
 }
 
 /* What is known of a packet of pixels when all is traced and shaded. */
@@ -186,12 +150,9 @@ static __attribute__((always_inline)) void show_colors(const MASK hit, const Sha
 /* Puts the normals of the points that were hit into pixels, and where these are on textures. */
 static __attribute__((always_inline)) void show_points(const Frame frame, const Intersection at, Pixels *pixels) {
     if (HAS(OUT_NORMAL)) {
-        const Real3 n = at.normal;
-        const Real3 facing = {at.start.side * n.x, at.start.side * n.y, at.start.side * n.z};
-        const Float3 world = to_world(frame, facing);
-        pixels->normal.x = at.hit ? world.x : (FLOAT)0;
-        pixels->normal.y = at.hit ? world.y : (FLOAT)0;
-        pixels->normal.z = at.hit ? world.z : (FLOAT)0;
+        const Float3 world = to_world(frame, scaled(at.normal, at.start.side)), none = {0, 0, 0};
+        pixels->normal = none;
+        PUT3(PUT_WHERE, at.hit, pixels->normal, world);
     }
     if (HAS(OUT_UV)) {
         pixels->u = at.hit ? TO_FLOAT(at.u) : (FLOAT)0;

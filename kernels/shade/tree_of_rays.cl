@@ -38,9 +38,8 @@ static void add_to(Sum3 *sum, const MASK where, const REAL weight, const Shade3 
 }
 
 static Shade3 color_of(const Sum3 sum) {
-    const Shade3 color = {TO_SHADE(TO_REAL(sum.x) * (real)0x1p-40f), TO_SHADE(TO_REAL(sum.y) * (real)0x1p-40f),
-                          TO_SHADE(TO_REAL(sum.z) * (real)0x1p-40f)};
-    return color;
+    return (Shade3){TO_SHADE(TO_REAL(sum.x) * (real)0x1p-40f), TO_SHADE(TO_REAL(sum.y) * (real)0x1p-40f),
+                    TO_SHADE(TO_REAL(sum.z) * (real)0x1p-40f)};
 }
 
 /* Rays on their way, and how much of their colour is in the pixel's. live: the lanes that have one; own: the surface
@@ -68,42 +67,8 @@ typedef struct {
     REAL_MASK inside; /* whether the rays meet it from inside */
 } Bounce;
 
-/* Of each lane's surface: how much it mirrors, how much it sends on, and its index of refraction. Lanes with a negative
- * id get any ones. */
-static Real3 bounces_of_tiny(const Scene *scene, const INT id) {
-    /* As in material_at(). */
-    INT left = materials_of(scene, id);
-    real4 m = scene->bounce[max(LARGEST(left), 0)];
-    Real3 r = {m.x, m.y, m.z};
-    for (;;) {
-        left = left == LARGEST(left) ? (INT)-1 : left;
-        const int one = LARGEST(left);
-        if (one < 0) return r;
-        const REAL_MASK here = TO_REAL_MASK(left == one);
-        m = scene->bounce[one];
-        PUT_WHERE(here, r.x, (REAL)m.x);
-        PUT_WHERE(here, r.y, (REAL)m.y);
-        PUT_WHERE(here, r.z, (REAL)m.z);
-    }
-}
-
-static Real3 bounces_of(const Scene *scene, const INT id) {
-    if (ANY_TINY) return bounces_of_tiny(scene, id);
-    real r[W], t[W], index[W];
-    int each[W];
-    STORE_LANES(id, each);
-    for (int lane = 0; lane < W; lane++) {
-        const real4 m = scene->bounce[scene->material_of[max(each[lane], 0)]];
-        r[lane] = m.x;
-        t[lane] = m.y;
-        index[lane] = m.z;
-    }
-    const Real3 all = {LOAD_LANES(r), LOAD_LANES(t), LOAD_LANES(index)};
-    return all;
-}
-
 static Bounce bounce_at(const Scene *scene, const Intersection at, const Branch rays, Work *work) {
-    const Real3 of = bounces_of(scene, rays.own);
+    const Real4 of = rows_at(scene->bounce, materials_of(scene, rays.own)); /* reflectance, transmittance, index */
     const REAL_MASK matte = HAS(WITH_PLANES) ? TO_REAL_MASK(at.matte) : (REAL_MASK)0;
     const REAL R = matte ? (REAL)0 : of.x, T = matte ? (REAL)0 : of.y, rest = (1 - R) - T;
     Bounce bounce;
@@ -137,7 +102,6 @@ typedef struct {
     real faint;      /* what adds no more than this to a sum is dropped, in its units */
 } Gathered;
 
-#ifdef WITH_DROPPING
 /* What is seen with a weight adds at most parts = weight * most to a sum, before rounding. Each of its contributions x
  * is rounded to x + 1/2 at most, and to 2 x at most, as nothing up to 1/2 is rounded up. roundings: half of how many
  * contributions there can be. */
@@ -151,6 +115,7 @@ static LONG slack_of(const REAL parts, const real roundings) {
  * rays that branch, so that 2^(bounces + 1 - depth) - 1 rays follow in each branch. */
 static MASK drop(const Scene *scene, const MASK branches, const REAL weight, const real faint, const int depth,
                  Sum3 *slack, Work *work) {
+    if (!HAS(WITH_DROPPING)) return 0;
     const MASK dropped = branches & TO_MASK(weight * scene->brightest.w <= faint);
     COUNT(DROPPED, dropped);
     if (!ANY(dropped)) return dropped;
@@ -161,20 +126,15 @@ static MASK drop(const Scene *scene, const MASK branches, const REAL weight, con
     slack->z += slack_of(w * scene->brightest.z, roundings);
     return dropped;
 }
-#define FIRST_FAINT(scene) (scene)->faint
-#else
-#define drop(scene, branches, weight, faint, depth, slack, work) ((MASK)0)
-#define FIRST_FAINT(scene) ((real) - 1)
-#endif
 
 /* In units of a sum: 2^-11, an eighth of a level. */
 #define MOST_DROPPED (1L << 29)
 
 /* Marks what rays have met, where that has some weight; an edge in what has no more than FAINT_MARK is one of less than
  * a level. forget_marks() takes back what has been marked since, where the own colour has no weight either. */
-#ifdef WITH_SAMPLES
 #define FAINT_MARK (real)0x1p-8f
 static MASK mark_met(const Branch rays, const Intersection at, Work *work) {
+    if (!HAS(WITH_SAMPLES)) return 0;
     const MASK marked = rays.live & TO_MASK(rays.weight > FAINT_MARK);
     MARK(mark, marked, rays.own, rays.depth);
     if (HAS(WITH_TEXTURES)) {
@@ -185,21 +145,15 @@ static MASK mark_met(const Branch rays, const Intersection at, Work *work) {
 }
 
 static void forget_marks(const MASK marked, const REAL weight, const LANES(uint) mark, Work *work) {
-    PUT_WHERE(!(marked & TO_MASK(weight > FAINT_MARK)), work->mark, mark);
+    if (HAS(WITH_SAMPLES)) PUT_WHERE(!(marked & TO_MASK(weight > FAINT_MARK)), work->mark, mark);
 }
 
 static void clear_marks(const MASK where, Work *work) {
+    if (!HAS(WITH_SAMPLES)) return;
     PUT_WHERE(where, work->mark, (LANES(uint))0);
     PUT_WHERE(where, work->texels, (LANES(uint))0);
     PUT_WHERE(where, work->uneven, (MASK)0);
 }
-#define MARKS_OF(work) (work)->mark
-#else
-#define mark_met(rays, at, work) ((MASK)0)
-#define forget_marks(marked, weight, mark, work)
-#define clear_marks(where, work)
-#define MARKS_OF(work) ((LANES(uint))0)
-#endif
 
 /* Adds the own colours of what rays have met. */
 static void add_own_color(const Scene *scene, const Branch rays, Intersection at, const REAL weight, Gathered *all,
@@ -207,7 +161,7 @@ static void add_own_color(const Scene *scene, const Branch rays, Intersection at
     const MASK shown = at.hit & TO_MASK(weight > 0);
     COUNT(WEIGHTLESS, at.hit & !shown);
     const MASK marked = mark_met(rays, at, work);
-    const LANES(uint) mark = MARKS_OF(work);
+    const LANES(uint) mark = HAS(WITH_SAMPLES) ? work->mark : (LANES(uint))0;
     if (!HAS(KEEP_WEIGHTLESS)) at.hit = shown;
     if (ANY(at.hit)) {
         const Shade3 color = shade(scene, rays.d, DOT(rays.d, rays.d), at, rays.own, &all->shadow_rays, work);
@@ -324,7 +278,8 @@ static Shade3 color_with_branches(const Frame frame, const Scene *scene, const R
                                   Pixels *pixels, Work *work) {
     Shade3 color = {0, 0, 0};
     at.hit = at.hit & wanted_lanes(*pixels);
-    for (real faint = FIRST_FAINT(scene); ANY(at.hit); faint = faint > 32 ? faint / 64 : (real)0.5f) {
+    for (real faint = HAS(WITH_DROPPING) ? scene->faint : -1; ANY(at.hit);
+         faint = faint > 32 ? faint / 64 : (real)0.5f) {
         clear_marks(at.hit, work);
         const Gathered all = gather(frame, scene, ray.d, at, own, faint, work);
         pixels->rays += all.shadow_rays;
@@ -343,6 +298,4 @@ static Shade3 color_with_branches(const Frame frame, const Scene *scene, const R
     }
     return color;
 }
-#else
-#define follow(frame, scene, ray, at, own, pixels, work) shade(scene, (ray).d, (ray).a, at, own, &(pixels)->rays, work)
 #endif

@@ -18,7 +18,7 @@ typedef struct {
 
 /* side: as in Start; point: P itself, in camera space. */
 static Start start_of(const Sphere own, const Real3 normal, const REAL side, const Real3 point) {
-    Start P = {own, {own.r * normal.x, own.r * normal.y, own.r * normal.z}, side};
+    Start P = {own, scaled(normal, own.r), side};
     P.stretched = 0;
     P.support = own.r;
     P.from_eye = point;
@@ -39,9 +39,8 @@ static __attribute__((always_inline)) void start_at_place(const REAL_MASK here, 
                                                           Start *start) {
     PUT3(PUT_OF_SHAPE, here, start->own.center, P);
     PUT_OF_SHAPE(here, start->own.r, (REAL)0);
-    PUT_OF_SHAPE(here, start->p.x, (REAL)0);
-    PUT_OF_SHAPE(here, start->p.y, (REAL)0);
-    PUT_OF_SHAPE(here, start->p.z, (REAL)0);
+    const Real3 none = {0, 0, 0};
+    PUT3(PUT_OF_SHAPE, here, start->p, none);
     PUT_OF_SHAPE(here, start->support, (REAL)0);
     PUT_OF_SHAPE(here, start->side, side);
     PUT_OF_SHAPE(here, start->stretched, here);
@@ -63,26 +62,48 @@ static void leave_place(const REAL_MASK here, const Place3 place, Leaving *ray) 
     PUT_OF_SHAPE(here, ray->reach, place.reach);
 }
 
+/* Puts the same place, in the world, into the lanes `here` of a start. */
+static void start_from_place(const REAL_MASK here, const Place3 place, Start *start) {
+    PUT3(PUT_OF_SHAPE, here, start->anchor, place.anchor);
+    PUT3(PUT_OF_SHAPE, here, start->step, place.step);
+    PUT_OF_SHAPE(here, start->reach, place.reach);
+}
+
 /* P, as where a ray starts that leads along `to`, in the world. */
 static Leaving leaving_to(const Start P, const Real3 to) {
-    const Leaving ray = {P.index, 0, P.q, to, P.anchor, P.own.r, P.reach, P.step, to, 0, P.q};
+    return (Leaving){P.index, 0, P.q, to, P.anchor, P.own.r, P.reach, P.step, to, size_of(to), P.q};
+}
+
+/* The way from a start to a light, which is at a point, or in the direction of the lamp. */
+static Leaving way_to_lamp(const real4 lamp, const int at_point, const Start P) {
+    const Real3 L = {lamp.x, lamp.y, lamp.z}, way = difference(L, P.anchor);
+    Leaving ray = leaving_to(P, L);
+    if (at_point) {
+        ray.w = difference(way, P.step);
+        ray.w1 = size_of(way) + P.reach;
+    }
     return ray;
 }
 
 /* From P to a point. With C the own centre, it is (point - C) - p, which never forms P. In float the error of that is
  * u max(|C|, r), so from a large sphere under the camera it is point - P, with the error u |P|. */
 static Real3 towards(const Start P, const Real3 point) {
-    const Real3 C = P.own.center;
-    Real3 w = {(point.x - C.x) - P.p.x, (point.y - C.y) - P.p.y, (point.z - C.z) - P.p.z};
-    if (REAL_BYTES == 4) {
-        w.x = P.near_eye ? point.x - P.from_eye.x : w.x;
-        w.y = P.near_eye ? point.y - P.from_eye.y : w.y;
-        w.z = P.near_eye ? point.z - P.from_eye.z : w.z;
-    }
-    return w;
+    const Real3 w = difference(difference(point, P.own.center), P.p);
+    return REAL_BYTES == 4 ? chosen(P.near_eye, difference(point, P.from_eye), w) : w;
 }
 
+/* A ray that starts anywhere in pairs: from its `center` to where it starts, and along it. The step is off by less than
+ * 2^-99 of the reach, and w by less than 2^-101 of w1. */
+#if defined(WITH_LEAVING) && (REAL_BYTES == 8 || defined(WITH_PLANES))
+typedef struct {
+    Pair3 step, w;
+} PairRay;
+
 #if REAL_BYTES == 8
-/* From a ray's `center` to where it starts: dispatch.cl asks the shape that it leaves. */
+/* The step: dispatch.cl asks the shape that the ray leaves. */
 static Pair3 fine_start(const Geometry geometry, const Leaving ray);
+#define pair_ray(geometry, ray) ((PairRay){fine_start(geometry, ray), pairs_in_world(geometry, (ray).d)})
+#else
+#define pair_ray(geometry, ray) ((PairRay){pairs_of((ray).p), pairs_of((ray).w)})
+#endif
 #endif

@@ -64,19 +64,19 @@ class CylinderPacking(ShapePacking):
         return self.of_material
 
     def values(self, first: int) -> dict[str, Any]:
-        return {"first_rod": first, "rods": len(self.radius)}
+        return {"first_cylinder": first, "cylinders": len(self.radius)}
 
     def packed(self, real: np.dtype[Any], exponent: int | None, basis: Array, paths: Paths | None) -> Arrays:
-        rod = np.zeros((len(self.radius), 2, 4), real)
+        packed = np.zeros((len(self.radius), 2, 4), real)
         if exponent is None or not paths:
-            rod[:, 0, :3], rod[:, 1, :3], rod[:, 0, 3] = self.start, self.end, self.radius
+            packed[:, 0, :3], packed[:, 1, :3], packed[:, 0, 3] = self.start, self.end, self.radius
         else:
             axis = np.ldexp(self.end - self.start, exponent)
             length = np.sqrt((axis * axis).sum(axis=1))
-            rod[:, 0, :3] = np.ldexp(self.start - paths.middle, exponent)
-            rod[:, 0, 3], rod[:, 1, 3] = np.ldexp(self.radius, exponent), length
-            rod[:, 1, :3] = axis / np.where(length > 0, length, 1)[:, None]
-        return {"rod": rod.reshape(-1, 4)}
+            packed[:, 0, :3] = np.ldexp(self.start - paths.middle, exponent)
+            packed[:, 0, 3], packed[:, 1, 3] = np.ldexp(self.radius, exponent), length
+            packed[:, 1, :3] = axis / np.where(length > 0, length, 1)[:, None]
+        return {"cylinder": packed.reshape(-1, 4)}
 
     def in_view(self, camera: AnyCamera, first: int) -> CylindersInView:
         return CylindersInView(self, camera, first)
@@ -129,8 +129,8 @@ class CylindersInView(InView):
         sides = np.ones((len(lights), len(self.cylinders.radius)), np.int8)
         seen = [self.from_light(light, k, side) for light, side in zip(lights, sides, strict=True)]
         eye = self.capsules(self.near, k)
-        lit: Arrays = {"rod_side": sides.reshape(-1)}
-        arrays: Arrays = {"rod_seen": self._seen(k)}
+        lit: Arrays = {"cylinder_side": sides.reshape(-1)}
+        arrays: Arrays = {"cylinder_seen": self._seen(k)}
         return Sights(arrays, eye=eye, lights=[*seen], visible=None, inside=eye.inside, lit=lit)
 
     def _seen(self, k: int) -> NDArray[np.float32]:

@@ -383,7 +383,7 @@ class MeshPacking(ShapePacking):
         return self.triangles.material
 
     def values(self, first: int) -> dict[str, Any]:
-        return {"first": first, "triangles": len(self.triangles.face)}
+        return {"first_triangle": first, "triangles": len(self.triangles.face)}
 
     def packed(self, real: np.dtype[Any], exponent: int | None, basis: Array, paths: Paths | None) -> Arrays:
         vertex = self.triangles.vertex

@@ -12,49 +12,26 @@
  * through the endless cylinder, t = b / a, is between the planes if g b - a h >= 0 and a k - g b >= 0. So these signs
  * say all: a ray meets the solid if it meets a disc, or the endless cylinder with that middle between the planes; it
  * enters by the first disc if it meets that, else by the side, and leaves likewise. On the rim, it is the disc that is
- * met. cltrace/reference/cylinder.py has the same in exact numbers.
+ * met. cltrace/reference/cylinders.py has the same in exact numbers.
  */
 
 /* One cylinder in all lanes, or each lane's own one. Lengths of the world. Where `real` is float, u is of length 1. */
 typedef struct {
+    INT index;           /* of the surface */
     Real3 start, end, u; /* end: not where `real` is float */
     REAL r, span;        /* span: u.u; where `real` is float, |E - S| */
-} Rod;
+} Cylinder;
 
-static Rod rod_at(const Geometry geometry, const int number) {
-    const real4 s = geometry.rod[2 * number], e = geometry.rod[2 * number + 1];
-    Rod rod = {{s.x, s.y, s.z}, {e.x, e.y, e.z}, {e.x, e.y, e.z}, s.w, e.w};
+/* The cylinders of surfaces. Lanes with a negative index get any one. */
+static Cylinder cylinders_of(const Geometry geometry, const INT index) {
+    const INT row = 2 * CYLINDER_OR_NONE(geometry, index);
+    const Real4 s = rows_at(geometry.cylinder, row), e = rows_at(geometry.cylinder + 1, row);
+    Cylinder cylinder = {index, xyz_of(s), xyz_of(e), xyz_of(e), s.w, e.w};
     if (REAL_BYTES == 8) {
-        rod.u.x = e.x - s.x;
-        rod.u.y = e.y - s.y;
-        rod.u.z = e.z - s.z;
-        rod.span = DOT(rod.u, rod.u);
+        cylinder.u = difference(cylinder.end, cylinder.start);
+        cylinder.span = DOT(cylinder.u, cylinder.u);
     }
-    return rod;
-}
-
-/* Each lane's cylinder. Lanes with a negative number get any one. */
-static Rod rods_of(const Geometry geometry, const INT number) {
-    int one = LARGEST(number);
-    Rod own = rod_at(geometry, max(one, 0));
-    INT left = number == one ? (INT)-1 : number;
-    while (ANY(left >= 0)) {
-        one = LARGEST(left);
-        const REAL_MASK here = TO_REAL_MASK(left == one);
-        const Rod rod = rod_at(geometry, one);
-        PUT3(PUT_WHERE, here, own.start, rod.start);
-        PUT3(PUT_WHERE, here, own.end, rod.end);
-        PUT3(PUT_WHERE, here, own.u, rod.u);
-        PUT_WHERE(here, own.r, rod.r);
-        PUT_WHERE(here, own.span, rod.span);
-        left = left == one ? (INT)-1 : left;
-    }
-    return own;
-}
-
-static Real3 rod_cross(const Real3 a, const Real3 b) {
-    const Real3 c = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-    return c;
+    return cylinder;
 }
 
 /* Two directions across each lane's axis, e1 = x x u, with the coordinate axis x that u is furthest from, and e2 = u x
@@ -63,14 +40,14 @@ typedef struct {
     Real3 first, second;
 } Across;
 
-static Across across_of(const Rod rod) {
-    const REAL x = fabs(rod.u.x), y = fabs(rod.u.y), z = fabs(rod.u.z);
+static Across across_of(const Cylinder cylinder) {
+    const REAL x = fabs(cylinder.u.x), y = fabs(cylinder.u.y), z = fabs(cylinder.u.z);
     const REAL_MASK by_x = (x <= y) & (x <= z), by_y = !by_x & (y <= z);
     Across e;
-    e.first.x = by_x ? (REAL)0 : by_y ? rod.u.z : -rod.u.y;
-    e.first.y = by_x ? -rod.u.z : by_y ? (REAL)0 : rod.u.x;
-    e.first.z = by_x ? rod.u.y : by_y ? -rod.u.x : (REAL)0;
-    e.second = rod_cross(rod.u, e.first);
+    e.first.x = by_x ? (REAL)0 : by_y ? cylinder.u.z : -cylinder.u.y;
+    e.first.y = by_x ? -cylinder.u.z : by_y ? (REAL)0 : cylinder.u.x;
+    e.first.z = by_x ? cylinder.u.y : by_y ? -cylinder.u.x : (REAL)0;
+    e.second = cross_of(cylinder.u, e.first);
     return e;
 }
 
@@ -78,113 +55,103 @@ static Across across_of(const Rod rod) {
 #define ON_START(q) ((q).x < 0)
 #define ON_END(q) ((q).x > 1)
 
-/* A ray, for the decisions here: it starts at anchor + step, of which the step is off by less than 2^-49 of `reach`,
- * and leads along w, which is off by less than 2^-49 of w1. own: lanes that start on the cylinder itself, at its point
- * q; inner: whether they leave it on its inside. */
+/* The lanes whose ray starts on the cylinder itself: at which part, as q says. */
 typedef struct {
-    Real3 anchor, step, w;
-    REAL reach, w1;
-    REAL_MASK own, inner;
-    Real3 q;
-} RodRay;
+    REAL_MASK any, start, end, side;
+} OwnPart;
 
-static RodRay rod_ray_of(const Leaving ray, const INT index) {
-    const RodRay way = {ray.center, ray.p, ray.w, ray.reach, ray.w1, TO_REAL_MASK(ray.own == index), ray.inner, ray.q};
-    return way;
+static OwnPart own_part_of(const Leaving ray, const Cylinder cylinder) {
+    const REAL_MASK own = TO_REAL_MASK(ray.own == cylinder.index), start = own & ON_START(ray.q),
+                    end = own & ON_END(ray.q);
+    return (OwnPart){own, start, end, own & !start & !end};
 }
 
-/* The numbers above; of numbers that are vectors, the sums of the magnitudes. first, second: q of the disc at S and at
- * E; after, before: where the middle is. */
+/* The numbers above, their errors or their signs. first, second: q of the disc at S and at E; after, before: where the
+ * middle is. */
 typedef struct {
-    REAL s, u1, w1, F1, G1; /* sizes: s = |f| + reach */
-    REAL uu, rr, span;
-    REAL a, b, c, V, D, g, h, k, first, second, after, before;
-    REAL v1, v2; /* of N G - g F of the two discs */
-} RodValues;
+    REAL a, b, c, D, g, h, k, first, second, after, before;
+} CylinderNumbers;
 
-#define ROD_SIZE(v) ((fabs((v).x) + fabs((v).y)) + fabs((v).z))
+/* What else they are made from; of numbers that are vectors, the sums of the magnitudes. */
+typedef struct {
+    CylinderNumbers of;
+    REAL s, u1, w1, F1, G1; /* sizes: s = |f| + reach */
+    REAL uu, rr, span, V;
+    REAL v1, v2; /* of N G - g F of the two discs */
+} CylinderValues;
 
 /* N G - g F, of which q is the square less that of the rim. */
-static Real3 rod_disc(const Real3 F, const Real3 G, const REAL N, const REAL g) {
-    const Real3 v = {N * G.x - g * F.x, N * G.y - g * F.y, N * G.z - g * F.z};
-    return v;
+static Real3 disc_vector(const Real3 F, const Real3 G, const REAL N, const REAL g) {
+    return difference(scaled(G, N), scaled(F, g));
 }
 
-static RodValues rod_values(const RodRay ray, const Rod rod) {
-    const Real3 f = {(rod.start.x - ray.anchor.x) - ray.step.x, (rod.start.y - ray.anchor.y) - ray.step.y,
-                     (rod.start.z - ray.anchor.z) - ray.step.z};
-    const Real3 u = rod.u, w = ray.w;
-    const Real3 F = rod_cross(f, u), G = rod_cross(w, u), X = rod_cross(f, w);
-    RodValues e;
-    e.s = ROD_SIZE(f) + ray.reach;
-    e.u1 = ROD_SIZE(u);
+static CylinderValues cylinder_values(const Leaving ray, const Cylinder cylinder) {
+    const OwnPart own = own_part_of(ray, cylinder);
+    const Real3 f = difference(difference(cylinder.start, ray.center), ray.p), u = cylinder.u, w = ray.w;
+    const Real3 F = cross_of(f, u), G = cross_of(w, u), X = cross_of(f, w);
+    CylinderValues e;
+    e.s = size_of(f) + ray.reach;
+    e.u1 = size_of(u);
     e.w1 = ray.w1;
-    e.F1 = ROD_SIZE(F);
-    e.G1 = ROD_SIZE(G);
+    e.F1 = size_of(F);
+    e.G1 = size_of(G);
     e.uu = DOT(u, u);
-    e.rr = rod.r * rod.r;
-    e.span = rod.span;
-    e.a = DOT(G, G);
-    e.b = DOT(F, G);
-    e.g = DOT(w, u);
+    e.rr = cylinder.r * cylinder.r;
+    e.span = cylinder.span;
+    e.of.a = DOT(G, G);
+    e.of.b = DOT(F, G);
+    e.of.g = DOT(w, u);
     e.V = DOT(u, X);
     const REAL VV = e.V * e.V;
     /* The point of the own surface is on the plane of its end, or on the side. */
-    e.h = (ray.own & ON_START(ray.q)) ? (REAL)0 : (ray.own & ON_END(ray.q)) ? -e.span : DOT(f, u);
-    e.k = (ray.own & ON_END(ray.q)) ? (REAL)0 : e.h + e.span;
-    const REAL_MASK on_side = ray.own & !ON_START(ray.q) & !ON_END(ray.q);
-    e.c = on_side ? (REAL)0 : DOT(F, F) - e.rr * e.uu;
-    e.D = on_side ? e.b * e.b : e.uu * (e.a * e.rr - VV);
-    const Real3 v1 = rod_disc(F, G, e.h, e.g), v2 = rod_disc(F, G, e.k, e.g);
-    const REAL rim = e.rr * e.uu * (e.g * e.g);
-    e.v1 = ROD_SIZE(v1);
-    e.v2 = ROD_SIZE(v2);
-    e.first = DOT(v1, v1) - rim;
-    e.second = DOT(v2, v2) - rim;
-    e.after = e.g * e.b - e.a * e.h;
-    e.before = e.a * e.k - e.g * e.b;
+    e.of.h = own.start ? (REAL)0 : own.end ? -e.span : DOT(f, u);
+    e.of.k = own.end ? (REAL)0 : e.of.h + e.span;
+    e.of.c = own.side ? (REAL)0 : DOT(F, F) - e.rr * e.uu;
+    e.of.D = own.side ? e.of.b * e.of.b : e.uu * (e.of.a * e.rr - VV);
+    const Real3 v1 = disc_vector(F, G, e.of.h, e.of.g), v2 = disc_vector(F, G, e.of.k, e.of.g);
+    const REAL rim = e.rr * e.uu * (e.of.g * e.of.g);
+    e.v1 = size_of(v1);
+    e.v2 = size_of(v2);
+    e.of.first = DOT(v1, v1) - rim;
+    e.of.second = DOT(v2, v2) - rim;
+    e.of.after = e.of.g * e.of.b - e.of.a * e.of.h;
+    e.of.before = e.of.a * e.of.k - e.of.g * e.of.b;
     return e;
 }
 
-/* What a ray does, by the signs of these numbers, -1, 0 or 1 each. */
-typedef struct {
-    REAL a, b, c, D, g, h, k, first, second, after, before;
-} RodSigns;
-
-static REAL rod_sign(const REAL value) {
-    return value > 0 ? (REAL)1 : value < 0 ? (REAL)-1 : (REAL)0;
-}
-
-static RodSigns signs_of_values(const RodValues e) {
-    const RodSigns signs = {rod_sign(e.a),      rod_sign(e.b),     rod_sign(e.c),     rod_sign(e.D),
-                            rod_sign(e.g),      rod_sign(e.h),     rod_sign(e.k),     rod_sign(e.first),
-                            rod_sign(e.second), rod_sign(e.after), rod_sign(e.before)};
-    return signs;
+/* The signs of these numbers, -1, 0 or 1 each, which say what a ray does; 0 of what is within its error. */
+static CylinderNumbers signs_within(const CylinderNumbers e, const CylinderNumbers by) {
+    return (CylinderNumbers){
+        sign_from(e.a, by.a),         sign_from(e.b, by.b),          sign_from(e.c, by.c),
+        sign_from(e.D, by.D),         sign_from(e.g, by.g),          sign_from(e.h, by.h),
+        sign_from(e.k, by.k),         sign_from(e.first, by.first),  sign_from(e.second, by.second),
+        sign_from(e.after, by.after), sign_from(e.before, by.before)};
 }
 
 /* What follows from them. out: it starts outside, and enters where it is met; else it leaves there. flat: it is met on
  * a disc; last: which is the one at E. */
 typedef struct {
     REAL_MASK hit, out, flat, last;
-} RodVerdict;
+} Verdict;
 
-static RodVerdict rod_verdict(const RodRay ray, const RodSigns is) {
+static Verdict cylinder_verdict(const Leaving ray, const Cylinder cylinder, const CylinderNumbers is) {
+    const REAL_MASK own = own_part_of(ray, cylinder).any;
     const REAL_MASK forth = is.g > 0, steep = is.g != 0;
     const REAL near = forth ? is.first : is.second, far = forth ? is.second : is.first;
     const REAL_MASK in_near = steep & (near <= 0), in_far = steep & (far <= 0);
     const REAL_MASK by_side = (is.a > 0) & (is.D >= 0) & (is.after >= 0) & (is.before >= 0);
     const REAL to_near = forth ? is.h : -is.k, to_far = forth ? is.k : -is.h;
     const REAL_MASK ahead = in_far ? to_far > 0 : (is.c < 0) | (is.b > 0);
-    RodVerdict found;
-    found.out = !ray.own & (in_near ? to_near > 0 : (is.c > 0) & (is.b > 0));
+    Verdict found;
+    found.out = !own & (in_near ? to_near > 0 : (is.c > 0) & (is.b > 0));
     found.flat = found.out ? in_near : in_far;
     found.last = found.out ? !forth : forth;
-    found.hit = ray.own ? ray.inner & ahead : (in_near | in_far | by_side) & (found.out | ahead);
+    found.hit = own ? ray.inner & ahead : (in_near | in_far | by_side) & (found.out | ahead);
     return found;
 }
 
 /* t by the end that is met: N / g, c / q from outside, q / a from inside, or backwards, -c / q. */
-static REAL rod_t(const RodValues e, const RodVerdict is) {
+static REAL cylinder_t(const CylinderNumbers e, const Verdict is) {
     const REAL q = fabs(e.b) + sqrt(e.D > 0 ? e.D : (REAL)0);
     const REAL_MASK by_q = is.out | (e.b < 0);
     const REAL round = (by_q ? fabs(e.c) : q) / (by_q ? q : e.a);
@@ -194,101 +161,85 @@ static REAL rod_t(const RodValues e, const RodVerdict is) {
 #if REAL_BYTES == 8
 /* What the numbers are off by.
  *
- * With v = 2^-53, each coordinate of f is off by 2^-48 s, see RodRay, u by v of itself. So each coordinate of F is off
+ * With v = 2^-53, each coordinate of f is off by 2^-48 s, see Leaving, u by v of itself. So each coordinate of F is off
  * by 2^-47 s u1, of G by 2^-48 w1 u1, V by 2^-46 s w1 u1, g by 2^-48 w1 u1 and h by 2^-47 s u1. All others follow from
  * these: a product of two numbers is off by each one's error times the other one, by both errors' product, and by
  * roundings, which for sums of up to four products are below 2^-50 of all magnitudes. In pairs, f is off by 2^-99
  * s and w by 2^-101 w1, and what is computed by less than 2^-100: with small = 2^-49, all of that is less than so many
  * times what it is in double. */
-typedef struct {
-    REAL a, b, c, D, g, h, k, first, second, after, before;
-} RodErrors;
 
 /* A number and what it is off by. */
 typedef struct {
     REAL value, error;
-} RodNumber;
+} Inexact;
 
 /* What x y is off by; round: roundings as a share. */
-static REAL rod_product_error(const RodNumber x, const RodNumber y, const REAL round) {
+static REAL product_error(const Inexact x, const Inexact y, const REAL round) {
     return fabs(x.value) * y.error + fabs(y.value) * x.error + x.error * y.error + round * fabs(x.value * y.value);
 }
 
 /* What F and G in each coordinate, a disc's N, and g are off by; and roundings as a share. */
 typedef struct {
     REAL F, G, N, g, round;
-} RodOff;
+} CylinderOff;
 
-/* Of a disc's q. N, v: as in rod_disc(), v as a size. */
-static REAL rod_disc_error(const RodValues e, const REAL N, const REAL v, const RodOff off) {
-    const REAL by = (fabs(N) * off.G + e.G1 * off.N + fabs(e.g) * off.F + e.F1 * off.g) +
-                    (2 * (off.N * off.G + off.g * off.F) + off.round * (fabs(N) * e.G1 + fabs(e.g) * e.F1));
+/* Of a disc's q. N, v: as in disc_vector(), v as a size. */
+static REAL disc_error(const CylinderValues e, const REAL N, const REAL v, const CylinderOff off) {
+    const REAL g = e.of.g;
+    const REAL by = (fabs(N) * off.G + e.G1 * off.N + fabs(g) * off.F + e.F1 * off.g) +
+                    (2 * (off.N * off.G + off.g * off.F) + off.round * (fabs(N) * e.G1 + fabs(g) * e.F1));
     const REAL rim = e.rr * e.uu;
-    return (2 * v * by + 3 * by * by) + rim * (2 * fabs(e.g) * off.g + off.g * off.g) +
-           2 * off.round * (v * v + rim * (e.g * e.g));
-}
-
-static RodErrors rod_errors(const RodValues e, const REAL small) {
-    const REAL round = small * 0x1p-50, sizes = small * (e.w1 * e.u1);
-    const REAL g_error = 0x1p-48 * (small * (e.w1 * e.u1)), h_error = small * 0x1p-47 * (e.s * e.u1);
-    RodOff off = {small * 0x1p-47 * (e.s * e.u1), 0x1p-48 * sizes, 0, g_error, round};
-    const REAL FF = e.F1 * e.F1, GG = e.G1 * e.G1, V_error = 0x1p-46 * sizes * e.s;
-    RodErrors by;
-    by.a = (2 * e.G1 * off.G + 3 * off.G * off.G) + round * GG;
-    by.b = (e.F1 * off.G + e.G1 * off.F + 3 * off.F * off.G) + round * (e.F1 * e.G1);
-    by.c = (2 * e.F1 * off.F + 3 * off.F * off.F) + round * (FF + e.rr * e.uu);
-    by.D = e.uu * (e.rr * by.a + (2 * fabs(e.V) * V_error + V_error * V_error)) +
-           4 * round * e.uu * (e.a * e.rr + e.V * e.V);
-    by.g = off.g;
-    by.h = h_error;
-    by.k = h_error + round * e.span;
-    off.N = by.h;
-    by.first = rod_disc_error(e, e.h, e.v1, off);
-    off.N = by.k;
-    by.second = rod_disc_error(e, e.k, e.v2, off);
-    const RodNumber a = {e.a, by.a}, b = {e.b, by.b}, g = {e.g, by.g}, h = {e.h, by.h}, k = {e.k, by.k};
-    const REAL gb = rod_product_error(g, b, round);
-    by.after = gb + rod_product_error(a, h, round);
-    by.before = gb + rod_product_error(a, k, round);
-    return by;
+    return (2 * v * by + 3 * by * by) + rim * (2 * fabs(g) * off.g + off.g * off.g) +
+           2 * off.round * (v * v + rim * (g * g));
 }
 
 /* What is exactly 0 at the own point has no error. */
-static RodErrors rod_errors_at(const RodRay ray, const RodValues e, const REAL small) {
-    RodErrors by = rod_errors(e, small);
-    const REAL_MASK start = ray.own & ON_START(ray.q), end = ray.own & ON_END(ray.q), side = ray.own & !start & !end;
-    by.h = start ? (REAL)0 : by.h;
-    by.k = end ? (REAL)0 : by.k;
-    by.c = side ? (REAL)0 : by.c;
+static CylinderNumbers cylinder_errors(const OwnPart own, const CylinderValues v, const REAL small) {
+    const CylinderNumbers e = v.of;
+    const REAL round = small * 0x1p-50, sizes = small * (v.w1 * v.u1);
+    const REAL g_error = 0x1p-48 * sizes, h_error = small * 0x1p-47 * (v.s * v.u1);
+    CylinderOff off = {h_error, g_error, 0, g_error, round};
+    const REAL FF = v.F1 * v.F1, GG = v.G1 * v.G1, V_error = 0x1p-46 * sizes * v.s;
+    CylinderNumbers by;
+    by.a = (2 * v.G1 * off.G + 3 * off.G * off.G) + round * GG;
+    by.b = (v.F1 * off.G + v.G1 * off.F + 3 * off.F * off.G) + round * (v.F1 * v.G1);
+    by.c = (2 * v.F1 * off.F + 3 * off.F * off.F) + round * (FF + v.rr * v.uu);
+    by.D = v.uu * (v.rr * by.a + (2 * fabs(v.V) * V_error + V_error * V_error)) +
+           4 * round * v.uu * (e.a * v.rr + v.V * v.V);
+    by.g = off.g;
+    by.h = h_error;
+    by.k = h_error + round * v.span;
+    off.N = by.h;
+    by.first = disc_error(v, e.h, v.v1, off);
+    off.N = by.k;
+    by.second = disc_error(v, e.k, v.v2, off);
+    const Inexact a = {e.a, by.a}, b = {e.b, by.b}, g = {e.g, by.g}, h = {e.h, by.h}, k = {e.k, by.k};
+    const REAL gb = product_error(g, b, round);
+    by.after = gb + product_error(a, h, round);
+    by.before = gb + product_error(a, k, round);
+    by.h = own.start ? (REAL)0 : by.h;
+    by.k = own.end ? (REAL)0 : by.k;
+    by.c = own.side ? (REAL)0 : by.c;
     return by;
 }
 
-/* Within its error, a number's sign counts as 0. */
-static RodSigns signs_within(const RodValues e, const RodErrors by) {
-    const RodSigns signs = {sign_from(e.a, by.a),         sign_from(e.b, by.b),          sign_from(e.c, by.c),
-                            sign_from(e.D, by.D),         sign_from(e.g, by.g),          sign_from(e.h, by.h),
-                            sign_from(e.k, by.k),         sign_from(e.first, by.first),  sign_from(e.second, by.second),
-                            sign_from(e.after, by.after), sign_from(e.before, by.before)};
-    return signs;
-}
-
 /* Whether the signs that doubles are sure of, where 0 is unsure, say that a ray meets nothing. */
-static REAL_MASK rod_passes(const RodRay ray, const RodSigns is) {
+static REAL_MASK passes_cylinder(const REAL_MASK own, const REAL_MASK inner, const CylinderNumbers is) {
     const REAL_MASK beside = (is.first > 0) & (is.second > 0) & ((is.after < 0) | (is.before < 0));
     const REAL_MASK beyond = ((is.g > 0) & (is.k < 0)) | ((is.g < 0) & (is.h > 0));
-    return ray.own ? !ray.inner : (is.D < 0) | beside | beyond | ((is.c > 0) & (is.b < 0));
+    return own ? !inner : (is.D < 0) | beside | beyond | ((is.c > 0) & (is.b < 0));
 }
 
-/* Whether a verdict by such signs is that of the exact ones, and rod_t() is right to 2^-24. */
-static REAL_MASK rod_is_sure(const RodRay ray, const RodValues e, const RodErrors by, const RodSigns is,
-                             const RodVerdict found) {
+/* Whether a verdict by such signs is that of the exact ones, and cylinder_t() is right to 2^-24. */
+static REAL_MASK is_sure(const REAL_MASK own, const CylinderNumbers e, const CylinderNumbers by,
+                         const CylinderNumbers is, const Verdict found) {
     const REAL_MASK discs = (is.first > 0) & (is.second > 0), forth = is.g > 0;
     const REAL_MASK known = (is.first != 0) & (is.second != 0) & (discs | (is.g != 0));
-    const REAL_MASK line = ray.own | !discs | ((is.a > 0) & (is.D > 0) & (is.after > 0) & (is.before > 0));
+    const REAL_MASK line = own | !discs | ((is.a > 0) & (is.D > 0) & (is.after > 0) & (is.before > 0));
     const REAL_MASK in_near = (is.g != 0) & ((forth ? is.first : is.second) < 0),
                     in_far = (is.g != 0) & ((forth ? is.second : is.first) < 0);
-    const REAL_MASK start = ray.own | (in_near ? (forth ? is.h : is.k) != 0 : (is.c < 0) | ((is.c > 0) & (is.b != 0)));
-    const REAL_MASK end = found.out | (in_far ? (forth ? is.k : is.h) != 0 : ((is.c < 0) | ray.own) & (is.b != 0));
+    const REAL_MASK start = own | (in_near ? (forth ? is.h : is.k) != 0 : (is.c < 0) | ((is.c > 0) & (is.b != 0)));
+    const REAL_MASK end = found.out | (in_far ? (forth ? is.k : is.h) != 0 : ((is.c < 0) | own) & (is.b != 0));
     const REAL root = sqrt(e.D > 0 ? e.D : (REAL)0), q = fabs(e.b) + root;
     const REAL N = found.last ? e.k : e.h, N_error = found.last ? by.k : by.h;
     const REAL_MASK flat_t = (fabs(N) > 0x1p26 * N_error) & (fabs(e.g) > 0x1p26 * by.g);
@@ -301,78 +252,62 @@ static REAL_MASK rod_is_sure(const RodRay ray, const RodValues e, const RodError
 /* The same in pairs: the numbers, a sum of which is made of vectors. */
 typedef struct {
     Pair a, b, c, D, g, h, k;
-} RodPairs;
+} CylinderPairs;
 
 /* |N G - g F|^2. */
-static Pair rod_fine_disc(const Pair3 F, const Pair3 G, const Pair N, const Pair g) {
-    const Pair3 v = {minus(times(N, G.x), times(g, F.x)), minus(times(N, G.y), times(g, F.y)),
-                     minus(times(N, G.z), times(g, F.z))};
+static Pair fine_disc(const Pair3 F, const Pair3 G, const Pair N, const Pair g) {
+    const Pair3 v = minus3(times3(N, G), times3(g, F));
     return dot_pairs(v, v);
 }
 
-/* A ray in pairs, as FinePath. */
-typedef struct {
-    Pair3 step, w;
-} RodFineRay;
-
 /* Puts the values of pairs into `e`, of which the sizes stay. */
-static __attribute__((noinline)) RodPairs rod_pairs(const RodRay ray, const RodFineRay fine, const Rod rod,
-                                                    RodValues *e) {
-    const Real3 S = rod.start, E = rod.end, O = ray.anchor;
-    const Pair3 u = {two_sum(E.x, -S.x), two_sum(E.y, -S.y), two_sum(E.z, -S.z)}, w = fine.w;
-    const Pair3 f = {minus(two_sum(S.x, -O.x), fine.step.x), minus(two_sum(S.y, -O.y), fine.step.y),
-                     minus(two_sum(S.z, -O.z), fine.step.z)};
-    const Pair none = pair(0, 0), rr = two_product(rod.r, rod.r);
+static __attribute__((noinline)) CylinderPairs cylinder_pairs(const Leaving ray, const PairRay fine,
+                                                              const Cylinder cylinder, CylinderValues *e) {
+    const OwnPart own = own_part_of(ray, cylinder);
+    const Pair3 u = pairs_between(cylinder.start, cylinder.end), w = fine.w;
+    const Pair3 f = minus3(pairs_between(ray.center, cylinder.start), fine.step);
+    const Pair none = pair(0, 0), rr = two_product(cylinder.r, cylinder.r);
     const Pair3 F = cross_pairs(f, u), G = cross_pairs(w, u);
     const Pair uu = dot_pairs(u, u), V = dot_pairs(u, cross_pairs(f, w)), VV = times(V, V);
     const Pair rim = times(rr, uu), back = {-uu.hi, -uu.lo};
-    const REAL_MASK on_start = ray.own & ON_START(ray.q), on_end = ray.own & ON_END(ray.q);
-    const REAL_MASK on_side = ray.own & !on_start & !on_end;
-    RodPairs p;
+    CylinderPairs p;
     p.a = dot_pairs(G, G);
     p.b = dot_pairs(F, G);
     p.g = dot_pairs(w, u);
-    p.h = choose_pair(on_start, none, choose_pair(on_end, back, dot_pairs(f, u)));
-    p.k = choose_pair(on_end, none, plus(p.h, uu));
-    p.c = choose_pair(on_side, none, minus(dot_pairs(F, F), rim));
-    p.D = choose_pair(on_side, times(p.b, p.b), times(uu, minus(times(p.a, rr), VV)));
-    e->a = p.a.hi;
-    e->b = p.b.hi;
-    e->c = p.c.hi;
+    p.h = choose_pair(own.start, none, choose_pair(own.end, back, dot_pairs(f, u)));
+    p.k = choose_pair(own.end, none, plus(p.h, uu));
+    p.c = choose_pair(own.side, none, minus(dot_pairs(F, F), rim));
+    p.D = choose_pair(own.side, times(p.b, p.b), times(uu, minus(times(p.a, rr), VV)));
+    const Pair edge = times(rim, times(p.g, p.g)), gb = times(p.g, p.b);
     e->V = V.hi;
-    e->D = p.D.hi;
-    e->g = p.g.hi;
-    e->h = p.h.hi;
-    e->k = p.k.hi;
-    const Pair edge = times(rim, times(p.g, p.g));
-    e->first = minus(rod_fine_disc(F, G, p.h, p.g), edge).hi;
-    e->second = minus(rod_fine_disc(F, G, p.k, p.g), edge).hi;
-    const Pair gb = times(p.g, p.b);
-    e->after = minus(gb, times(p.a, p.h)).hi;
-    e->before = minus(times(p.a, p.k), gb).hi;
+    e->of = (CylinderNumbers){p.a.hi,
+                              p.b.hi,
+                              p.c.hi,
+                              p.D.hi,
+                              p.g.hi,
+                              p.h.hi,
+                              p.k.hi,
+                              minus(fine_disc(F, G, p.h, p.g), edge).hi,
+                              minus(fine_disc(F, G, p.k, p.g), edge).hi,
+                              minus(gb, times(p.a, p.h)).hi,
+                              minus(times(p.a, p.k), gb).hi};
     return p;
 }
 
 /* What a ray does, in pairs: t, and a bound of what it is off by; WITH_RAYS, whether pairs are sure of it. */
 typedef struct {
-    RodVerdict is;
+    Verdict is;
     FineT t;
     REAL_MASK known;
-} FineRod;
+} FineCylinder;
 
-static FineT rod_fine_t(const RodPairs p, const RodValues e, const RodErrors by, const RodVerdict is) {
+static FineT fine_cylinder_t(const CylinderPairs p, const CylinderNumbers e, const CylinderNumbers by,
+                             const Verdict is) {
     const REAL_MASK some = e.D > by.D, by_q = is.out | (e.b < 0);
-    const REAL near = some ? sqrt(e.D) : (REAL)0;
-    const Pair rest = minus(p.D, two_product(near, near));
-    const Pair root = two_sum(near, some ? (rest.hi + rest.lo) / (2 * near) : (REAL)0);
-    const Pair size = {e.b < 0 ? -p.b.hi : p.b.hi, e.b < 0 ? -p.b.lo : p.b.lo}, q = plus(size, root);
-    const Pair power = {e.c < 0 ? -p.c.hi : p.c.hi, e.c < 0 ? -p.c.lo : p.c.lo};
-    const Pair N = choose_pair(is.last, p.k, p.h);
-    const Pair upper = choose_pair(is.flat, N, choose_pair(by_q, power, q));
+    const Pair q = plus(negative_where(e.b < 0, p.b), root_of(p.D, some)), N = choose_pair(is.last, p.k, p.h);
+    const Pair upper = choose_pair(is.flat, N, choose_pair(by_q, negative_where(e.c < 0, p.c), q));
     const Pair lower = choose_pair(is.flat, p.g, choose_pair(by_q, q, p.a));
-    const REAL least = sqrt(by.D), by_root = some ? by.D / near : least;
-    const REAL root_error = by_root < least ? by_root : least;
-    const REAL round = (by.b + root_error) / q.hi + (by_q ? by.c / fabs(e.c) : by.a / e.a);
+    const REAL round = (by.b + root_error(e.D, by.D, some)) / q.hi + (by_q ? by.c / fabs(e.c) : by.a / e.a);
     const REAL flat = (is.last ? by.k : by.h) / fabs(N.hi) + by.g / fabs(e.g);
     FineT at = {over(upper, lower), 0};
     at.error = 2 * fabs(at.t.hi) * ((is.flat ? flat : round) + 0x1p-97);
@@ -381,22 +316,25 @@ static FineT rod_fine_t(const RodPairs p, const RodValues e, const RodErrors by,
 
 /* to_light: whether the ray leads from a point of another surface to a light. That point is rounded. Where it is on the
  * cylinder but for that, it counts as on it: so where cylinders cross, light leaves both. */
-static __attribute__((noinline)) FineRod fine_rod(const RodRay ray, const RodFineRay fine, const Rod rod,
-                                                  const int to_light) {
-    RodValues e = rod_values(ray, rod);
-    const RodErrors rough = rod_errors_at(ray, e, 1);
-    const RodPairs p = rod_pairs(ray, fine, rod, &e);
-    const RodErrors by = rod_errors_at(ray, e, 0x1p-49);
-    RodSigns is = signs_within(e, by);
+static __attribute__((noinline)) FineCylinder fine_cylinder(const Leaving ray, const PairRay fine,
+                                                            const Cylinder cylinder, const int to_light) {
+    const OwnPart own = own_part_of(ray, cylinder);
+    CylinderValues e = cylinder_values(ray, cylinder);
+    const CylinderNumbers rough = cylinder_errors(own, e, 1);
+    const CylinderPairs p = cylinder_pairs(ray, fine, cylinder, &e);
+    const CylinderNumbers by = cylinder_errors(own, e, 0x1p-49);
+    CylinderNumbers is = signs_within(e.of, by);
     if (to_light) {
-        PUT_WHERE(fabs(e.c) <= rough.c, is.c, (REAL)0);
-        PUT_WHERE(fabs(e.h) <= rough.h, is.h, (REAL)0);
-        PUT_WHERE(fabs(e.k) <= rough.k, is.k, (REAL)0);
+        PUT_WHERE(fabs(e.of.c) <= rough.c, is.c, (REAL)0);
+        PUT_WHERE(fabs(e.of.h) <= rough.h, is.h, (REAL)0);
+        PUT_WHERE(fabs(e.of.k) <= rough.k, is.k, (REAL)0);
     }
-    FineRod found;
-    found.is = rod_verdict(ray, is);
-    if (HAS(WITH_RAYS)) found.known = rod_passes(ray, is) | (found.is.hit & rod_is_sure(ray, e, by, is, found.is));
-    found.t = rod_fine_t(p, e, by, found.is);
+    FineCylinder found;
+    found.is = cylinder_verdict(ray, cylinder, is);
+    if (HAS(WITH_RAYS))
+        found.known = passes_cylinder(own.any, ray.inner, is) |
+                      (found.is.hit & is_sure(own.any, e.of, by, is, found.is));
+    found.t = fine_cylinder_t(p, e.of, by, found.is);
     return found;
 }
 #endif
@@ -404,39 +342,39 @@ static __attribute__((noinline)) FineRod fine_rod(const RodRay ray, const RodFin
 /* Where a ray meets a cylinder, INFINITY if it does not, and by which part. */
 typedef struct {
     REAL t;
-    RodVerdict is;
+    Verdict is;
     REAL_MASK unsure; /* whether double cannot tell; always false in single */
-} RodMeeting;
+} CylinderMeeting;
 
-static RodMeeting rod_meet(const RodRay ray, const Rod rod, const REAL_MASK wanted) {
-    const RodValues e = rod_values(ray, rod);
+static CylinderMeeting cylinder_meet(const Leaving ray, const Cylinder cylinder, const REAL_MASK wanted) {
+    const CylinderValues e = cylinder_values(ray, cylinder);
+    CylinderNumbers by = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
 #if REAL_BYTES == 8
-    const RodErrors by = rod_errors_at(ray, e, 1);
-    const RodSigns is = signs_within(e, by);
-    RodMeeting at = {(REAL)INFINITY, rod_verdict(ray, is), 0};
-    const REAL_MASK passes = rod_passes(ray, is);
-    at.unsure = wanted & !passes & !(at.is.hit & rod_is_sure(ray, e, by, is, at.is));
-    at.is.hit = wanted & at.is.hit & !passes & !at.unsure;
-#else
-    RodMeeting at = {(REAL)INFINITY, rod_verdict(ray, signs_of_values(e)), 0};
-    at.is.hit = wanted & at.is.hit;
+    const OwnPart own = own_part_of(ray, cylinder);
+    by = cylinder_errors(own, e, 1);
 #endif
-    const REAL t = rod_t(e, at.is);
+    const CylinderNumbers is = signs_within(e.of, by);
+    CylinderMeeting at = {(REAL)INFINITY, cylinder_verdict(ray, cylinder, is), 0};
+    at.is.hit = wanted & at.is.hit;
+#if REAL_BYTES == 8
+    const REAL_MASK passes = passes_cylinder(own.any, ray.inner, is);
+    at.unsure = wanted & !passes & !(at.is.hit & is_sure(own.any, e.of, by, is, at.is));
+    at.is.hit = at.is.hit & !passes & !at.unsure;
+#endif
+    const REAL t = cylinder_t(e.of, at.is);
     at.t = (at.is.hit & (t > 0)) ? t : at.t;
     return at;
 }
 
-/* The same of a ray that leaves a point or comes from the eye, where pairs decide what double cannot. index: each
- * lane's surface, number: the same among cylinders. */
-static __attribute__((noinline)) RodMeeting rod_encounter(const Geometry geometry, const Leaving ray, const INT index,
-                                                          const REAL_MASK wanted) {
-    const Rod rod = rods_of(geometry, CYLINDER_OR_NONE(geometry, index));
-    const RodRay way = rod_ray_of(ray, index);
-    RodMeeting at = rod_meet(way, rod, wanted);
+/* The same of a ray that leaves a point or comes from the eye and meets what `index` names, where pairs decide what
+ * double cannot. */
+static __attribute__((noinline)) CylinderMeeting cylinder_meet_from(const Geometry geometry, const Leaving ray,
+                                                                    const INT index, const REAL_MASK wanted) {
+    const Cylinder cylinder = cylinders_of(geometry, index);
+    CylinderMeeting at = cylinder_meet(ray, cylinder, wanted);
 #if REAL_BYTES == 8
     if (!UNDECIDED(geometry, ANY(TO_MASK(at.unsure)))) return at;
-    const RodFineRay fine = {fine_start(geometry, ray), pairs_in_world(geometry, ray.d)};
-    const FineRod found = fine_rod(way, fine, rod, 0);
+    const FineCylinder found = fine_cylinder(ray, pair_ray(geometry, ray), cylinder, 0);
     if (HAS(WITH_RAYS) && !ANY(TO_MASK(found.known))) mark_undecided(geometry);
     const REAL_MASK hit = found.is.hit & (found.t.t.hi > 0);
     at.t = at.unsure ? (hit ? found.t.t.hi : (REAL)INFINITY) : at.t;
@@ -475,11 +413,11 @@ static __attribute__((noinline)) RodMeeting rod_encounter(const Geometry geometr
 typedef struct {
     MASK may;
     FLOAT a, b, Y, we, error, least, most, room;
-} RodLine;
+} CylinderLine;
 
-/* seen: two of Scene's rod_seen. Where no lane may meet the cylinder, the rest is not made. */
-static __attribute__((always_inline)) RodLine rod_line(__global const float4 *seen, const Float3 O, const Float3 w,
-                                                       const FLOAT A) {
+/* seen: two of Scene's cylinder_seen. Where no lane may meet the cylinder, the rest is not made. */
+static __attribute__((always_inline)) CylinderLine cylinder_line(__global const float4 *seen, const Float3 O,
+                                                                 const Float3 w, const FLOAT A) {
     const float4 middle = seen[0], axis = seen[1];
     const float h = middle.w, r = axis.w, m = (fabs(middle.x) + fabs(middle.y)) + fabs(middle.z);
     const Float3 f = {middle.x - O.x, middle.y - O.y, middle.z - O.z};
@@ -489,7 +427,7 @@ static __attribute__((always_inline)) RodLine rod_line(__global const float4 *se
     const FLOAT s = m + ((magnitude(O.x) + magnitude(O.y)) + magnitude(O.z));
     const FLOAT E = 0x1p-20f * (r + s), D_error = FMA(E * (2 * r + E), A, (FLOAT)0x1p-100f);
     const FLOAT D = FMA((FLOAT)(r * r), a, -(V * V)), most = D + D_error, least = D - D_error;
-    RodLine is;
+    CylinderLine is;
     is.may = most >= 0;
     if (!ANY(is.may)) return is;
     const FLOAT we = dot_float(w, axis), fe = dot_float(f, axis), fw = FMA(f.x, w.x, FMA(f.y, w.y, f.z * w.z));
@@ -508,7 +446,7 @@ static __attribute__((always_inline)) RodLine rod_line(__global const float4 *se
 
 /* The lanes whose lines are surely between the discs where they enter the endless cylinder (end = -1), are closest to
  * its axis (0) or leave it (1). */
-static MASK is_between_discs(const RodLine line, const float end) {
+static MASK is_between_discs(const CylinderLine line, const float end) {
     const FLOAT one = FMA(end * line.we, line.least, line.Y), other = FMA(end * line.we, line.most, line.Y);
     return (magnitude(one) < line.room) & (magnitude(other) < line.room);
 }
@@ -516,15 +454,6 @@ static MASK is_between_discs(const RodLine line, const float end) {
 /* What is read of cylinders. light: the number of a light, -1: the eye. */
 
 static void cylinder_fetch(const Scene *scene, const int light, const int index) {
-    FETCH(scene->rod_seen, 2 * (index - FIRST_CYLINDER(scene->geometry)));
-    FETCH(scene->geometry.rod, 2 * (index - FIRST_CYLINDER(scene->geometry)));
+    FETCH(scene->cylinder_seen, 2 * (index - FIRST_CYLINDER(scene->geometry)));
+    FETCH(scene->geometry.cylinder, 2 * (index - FIRST_CYLINDER(scene->geometry)));
 }
-
-static void cylinder_fetch_first(const Scene *scene, const int light, const int index) {
-    FETCH(scene->rod_seen, 2 * (index - FIRST_CYLINDER(scene->geometry)));
-}
-
-/* Leaves of the tree hold them as balls. */
-#define cylinder_fetch_leaf ball_fetch_leaf
-#define cylinder_add_leaf ball_add_leaf
-#define cylinder_add_leaf_for_packet ball_add_leaf_for_packet

@@ -7,7 +7,8 @@ static __attribute__((noinline)) void cylinder_settle_t(const Scene *scene, cons
                                                         REAL *t) {
     const MASK here = IS_CYLINDER(scene->geometry, hit.id);
     if (!ANY(here)) return;
-    const RodMeeting at = rod_encounter(scene->geometry, from_eye(scene->geometry, ray), hit.id, TO_REAL_MASK(here));
+    const CylinderMeeting at = cylinder_meet_from(scene->geometry, from_eye(scene->geometry, ray), hit.id,
+                                                  TO_REAL_MASK(here));
     PUT_WHERE(TO_REAL_MASK(here), *t, at.t);
 }
 
@@ -16,15 +17,16 @@ static __attribute__((noinline)) void cylinder_settle_t(const Scene *scene, cons
 typedef struct {
     MASK may, sure;
     Bounds near;
-} RodSight;
+} CylinderSight;
 
 /* t a is b - sqrt(D). a is off by 14 u A, A = |w|^2, see cylinder.cl, and a quotient by 3 u. */
-static __attribute__((always_inline)) RodSight rod_sight(const Scene *scene, const EyeLine eye, const int number) {
+static __attribute__((always_inline)) CylinderSight cylinder_sight(const Scene *scene, const EyeLine eye,
+                                                                   const int number) {
     const int along = HAS(WITH_PARALLEL_RAYS);
     const Float3 start = {along ? eye.x : (FLOAT)0, along ? eye.y : (FLOAT)0, 0};
     const Float3 w = {along ? (FLOAT)0 : eye.x, along ? (FLOAT)0 : eye.y, -1};
-    const RodLine line = rod_line(scene->rod_seen + 2 * number, start, w, eye.a);
-    RodSight is;
+    const CylinderLine line = cylinder_line(scene->cylinder_seen + 2 * number, start, w, eye.a);
+    CylinderSight is;
     is.may = line.may;
     if (!ANY(is.may)) return is;
     const FLOAT b_off = line.error * ((magnitude(w.x) + magnitude(w.y)) + 1), a_off = 0x1p-20f * eye.a;
@@ -41,22 +43,21 @@ static __attribute__((always_inline)) int cylinder_take(const Scene *scene, cons
                                                         const int index, Hit *hit, Work *work) {
     MASK open = ALL_LANES, first = 0;
     if (HAS(WITH_FILTER)) {
-        const RodSight sight = rod_sight(scene, *line, index - FIRST_CYLINDER(scene->geometry));
+        const CylinderSight sight = cylinder_sight(scene, *line, index - FIRST_CYLINDER(scene->geometry));
         if (!ANY(sight.may)) {
             COUNT(FILTERED, ALL_LANES);
             return 0;
         }
         first = sight.sure & (sight.near.low > hit->near.high);
         open = sight.may & !first & !(sight.near.high < hit->near.low);
-        PUT_WHERE(first, hit->near.low, sight.near.low);
-        PUT_WHERE(first, hit->near.high, sight.near.high);
-        PUT_WHERE(first, hit->id, (INT)index);
+        put_late(first, sight.near, index, hit);
         COUNT(FILTERED, !open);
         if (!ANY(open)) return ANY(first);
     }
     COUNT(DECIDED, open);
     const EyeRay own = eye_ray(ray);
-    const REAL t = rod_encounter(scene->geometry, from_eye(scene->geometry, own), (INT)index, TO_REAL_MASK(open)).t;
+    const REAL t =
+        cylinder_meet_from(scene->geometry, from_eye(scene->geometry, own), (INT)index, TO_REAL_MASK(open)).t;
     const MASK met = open & TO_MASK(t < INFINITY);
     if (!ANY(met)) return ANY(first);
     const Bounds near = near_of(t, scene->unit);
@@ -67,9 +68,7 @@ static __attribute__((always_inline)) int cylinder_take(const Scene *scene, cons
         const Rival rival = {hit->t, hit->id, hit->sure};
         nearer = nearer | (close & TO_MASK(comes_before(&all, &own, t, (INT)index, &rival)));
     }
-    PUT_WHERE(nearer, hit->near.low, near.low);
-    PUT_WHERE(nearer, hit->near.high, near.high);
-    PUT_WHERE(nearer, hit->id, (INT)index);
+    put_late(nearer, near, index, hit);
     return ANY(first | nearer);
 }
 
@@ -90,48 +89,33 @@ static __attribute__((always_inline)) void cylinder_settle(const Scene *scene, c
  */
 
 /* From S, or from E on the disc there, to the point q. */
-static Place3 rod_place(const Rod rod, const Real3 q) {
-    const Across e = across_of(rod);
+static Place3 place_on_cylinder(const Cylinder cylinder, const Real3 q) {
+    const Across e = across_of(cylinder);
     const REAL_MASK on_end = ON_END(q), side = !on_end & !ON_START(q);
-    const Real3 m = {q.y * e.first.x + q.z * e.second.x, q.y * e.first.y + q.z * e.second.y,
-                     q.y * e.first.z + q.z * e.second.z};
-    const REAL over = rod.r * (1 / sqrt(DOT(m, m))), size = REAL_BYTES == 4 ? rod.span : (REAL)1;
+    const Real3 m = sum3(scaled(e.first, q.y), scaled(e.second, q.z));
+    const REAL over = cylinder.r * (1 / sqrt(DOT(m, m))), size = REAL_BYTES == 4 ? cylinder.span : (REAL)1;
     const REAL by_m = side ? over : (REAL)1, by_u = side ? q.x * size : (REAL)0;
-    const Real3 u = rod.u;
-    Place3 place;
-    place.anchor.x = on_end ? (REAL_BYTES == 8 ? rod.end.x : rod.start.x + size * u.x) : rod.start.x;
-    place.anchor.y = on_end ? (REAL_BYTES == 8 ? rod.end.y : rod.start.y + size * u.y) : rod.start.y;
-    place.anchor.z = on_end ? (REAL_BYTES == 8 ? rod.end.z : rod.start.z + size * u.z) : rod.start.z;
-    place.step.x = by_u * u.x + by_m * m.x;
-    place.step.y = by_u * u.y + by_m * m.y;
-    place.step.z = by_u * u.z + by_m * m.z;
-    place.reach = size * ROD_SIZE(u) + rod.r;
-    return place;
+    const Real3 end = REAL_BYTES == 8 ? cylinder.end : sum3(cylinder.start, scaled(cylinder.u, size));
+    return (Place3){chosen(on_end, end, cylinder.start), sum3(scaled(cylinder.u, by_u), scaled(m, by_m)),
+                    size * size_of(cylinder.u) + cylinder.r};
 }
 
 /* Puts where rays leave cylinders into their lanes. */
 static void cylinder_leave(const Frame frame, const Geometry geometry, Leaving *ray) {
     const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(geometry, ray->own));
-    const Place3 place = rod_place(rods_of(geometry, CYLINDER_OR_NONE(geometry, ray->own)), ray->q);
-    leave_place(here, place, ray);
+    leave_place(here, place_on_cylinder(cylinders_of(geometry, ray->own), ray->q), ray);
 }
 
 #ifdef WITH_PLANES
 /* Where points that are `step` from A are strictly inside of a cylinder. error: of the step. */
 static MASK cylinder_contains(const Scene *scene, const Real3 A, const Pair3 step, const REAL error, const int index) {
-    const Rod rod = rod_at(scene->geometry, index - FIRST_CYLINDER(scene->geometry));
-    const Pair3 p = {plus(two_sum(A.x, -rod.start.x), step.x), plus(two_sum(A.y, -rod.start.y), step.y),
-                     plus(two_sum(A.z, -rod.start.z), step.z)};
-#if REAL_BYTES == 8
-    const Pair3 u = {two_sum(rod.end.x, -rod.start.x), two_sum(rod.end.y, -rod.start.y),
-                     two_sum(rod.end.z, -rod.start.z)};
-    const Pair uu = dot_pairs(u, u), span = uu;
-#else
-    const Pair3 u = {pair(rod.u.x, 0), pair(rod.u.y, 0), pair(rod.u.z, 0)};
-    const Pair uu = pair(1, 0), span = pair(rod.span, 0);
-#endif
+    const Cylinder cylinder = cylinders_of(scene->geometry, (INT)index);
+    const Pair3 p = plus3(pairs_between(cylinder.start, A), step);
+    const Pair3 u = REAL_BYTES == 8 ? pairs_between(cylinder.start, cylinder.end) : pairs_of(cylinder.u);
+    const Pair uu = REAL_BYTES == 8 ? dot_pairs(u, u) : pair(1, 0),
+               span = REAL_BYTES == 8 ? uu : pair(cylinder.span, 0);
     const Pair3 X = cross_pairs(p, u);
-    const Pair along = dot_pairs(p, u), rim = times(two_product(rod.r, rod.r), uu);
+    const Pair along = dot_pairs(p, u), rim = times(two_product(cylinder.r, cylinder.r), uu);
     const REAL off = (error + PAIR_ERROR * size_of_pairs(p)) * size_of_pairs(u), X1 = size_of_pairs(X);
     const REAL excess = minus(dot_pairs(X, X), rim).hi;
     const REAL_MASK within = (along.hi > off) & (minus(along, span).hi < -(off + PAIR_ERROR * span.hi));
@@ -139,21 +123,12 @@ static MASK cylinder_contains(const Scene *scene, const Real3 A, const Pair3 ste
 }
 #endif
 
-/* What shadow rays start with is known since the point was met. */
-static void cylinder_place(const Geometry geometry, Start *start) {
-}
-
 /* Puts where the lanes' rays meet the cylinders that `index` names into their lanes. */
 static void cylinder_encounter(const Scene *scene, const Leaving ray, const INT index, Encounter *at) {
     const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(scene->geometry, index));
-    const RodMeeting met = rod_encounter(scene->geometry, ray, index, here);
+    const CylinderMeeting met = cylinder_meet_from(scene->geometry, ray, index, here);
     PUT_OF_SHAPE(here, at->t, met.t);
     PUT_OF_SHAPE(here, at->inside, !met.is.out);
-}
-
-/* A cylinder is no part of anything. */
-static int cylinder_primitive(const Scene *scene, const int index) {
-    return -1;
 }
 
 #if REAL_BYTES == 8
@@ -161,39 +136,26 @@ static int cylinder_primitive(const Scene *scene, const int index) {
  * and e2 are off by 10 v^2 of their sizes, m by 30 v^2 and m / |m| by 60 v^2. */
 static void cylinder_fine_start(const Geometry geometry, const Leaving ray, Pair3 *step) {
     const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(geometry, ray.own));
-    const Rod rod = rods_of(geometry, CYLINDER_OR_NONE(geometry, ray.own));
-    const Pair3 u = {two_sum(rod.end.x, -rod.start.x), two_sum(rod.end.y, -rod.start.y),
-                     two_sum(rod.end.z, -rod.start.z)};
-    const REAL x = fabs(rod.u.x), y = fabs(rod.u.y), z = fabs(rod.u.z);
+    const Cylinder cylinder = cylinders_of(geometry, ray.own);
+    const Pair3 u = pairs_between(cylinder.start, cylinder.end);
+    const REAL x = fabs(cylinder.u.x), y = fabs(cylinder.u.y), z = fabs(cylinder.u.z);
     const REAL_MASK by_x = (x <= y) & (x <= z), by_y = !by_x & (y <= z);
     const Pair one = pair(1, 0), none = pair(0, 0), a = pair(ray.q.y, 0), b = pair(ray.q.z, 0);
     const Pair3 axis = {choose_pair(by_x, one, none), choose_pair(by_y, one, none),
                         choose_pair(by_x | by_y, none, one)};
     const Pair3 e1 = cross_pairs(axis, u), e2 = cross_pairs(u, e1);
-    const Pair3 m = {plus(times(a, e1.x), times(b, e2.x)), plus(times(a, e1.y), times(b, e2.y)),
-                     plus(times(a, e1.z), times(b, e2.z))};
+    const Pair3 m = plus3(times3(a, e1), times3(b, e2));
     const REAL_MASK side = !ON_START(ray.q) & !ON_END(ray.q);
-    const Pair mm = dot_pairs(m, m);
-    const REAL guess = 1 / sqrt(mm.hi);
-    const Pair rest = minus(one, times(mm, two_product(guess, guess)));
-    const Pair r = times(pair(rod.r, 0), two_sum(guess, 0.5 * guess * (rest.hi + rest.lo)));
-    const Pair by_m = choose_pair(side, r, one), by_u = choose_pair(side, pair(ray.q.x, 0), none);
-    const Pair3 own = {plus(times(by_u, u.x), times(by_m, m.x)), plus(times(by_u, u.y), times(by_m, m.y)),
-                       plus(times(by_u, u.z), times(by_m, m.z))};
+    const Pair by_u = choose_pair(side, pair(ray.q.x, 0), none);
+    const Pair3 own = plus3(times3(by_u, u), scaled_to(m, dot_pairs(m, m), cylinder.r, side));
     *step = KINDS_OF_SHAPES == 1 ? own : choose_pairs(here, own, *step);
 }
 
 /* Puts t of rays that meet cylinders into their lanes, in pairs, and a bound of what it is off by. */
 static void cylinder_fine_t(const Geometry geometry, const Leaving ray, const INT index, FineT *t) {
     const REAL_MASK here = TO_REAL_MASK(IS_CYLINDER(geometry, index));
-    const RodFineRay way = {fine_start(geometry, ray), pairs_in_world(geometry, ray.d)};
-    const Rod rod = rods_of(geometry, CYLINDER_OR_NONE(geometry, index));
-    const FineRod fine = fine_rod(rod_ray_of(ray, index), way, rod, 0);
+    const FineCylinder fine = fine_cylinder(ray, pair_ray(geometry, ray), cylinders_of(geometry, index), 0);
     t->t = choose_pair(here, fine.t.t, t->t);
     t->error = here ? fine.t.error : t->error;
 }
-
-/* Of cylinders no such thing is known, and they break no tie by themselves. */
-#define cylinder_leave_out_tied(geometry, A, B, open)
-#define cylinder_break_tie(geometry, ray, A, B, close, first)
 #endif

@@ -3,7 +3,7 @@
  *
  * What is decided about is the scene as its file has it, in the world: the sphere |p - C| = r around f = C - eye, and
  * the ray along w = B^T d, where the rows of B are the camera's axes and d is the ray's direction in camera space, all
- * of them exactly the doubles that they are (see cltrace/reference/exact.py). With
+ * of them exactly the doubles that they are (see cltrace/exact/lines.py). With
  *
  *     a = w.w,   b = f.w,   c = f.f - r^2,   X = f x w,   D = b^2 - a c = a r^2 - X.X
  *
@@ -13,19 +13,17 @@
 /* B^T v. */
 static Pair3 pairs_in_world(const Geometry geometry, const Real3 v) {
     const real4 right = geometry.camera[1], up = geometry.camera[2], back = geometry.camera[3];
-    const Pair3 w = {
-        plus(plus(two_product(right.x, v.x), two_product(up.x, v.y)), two_product(back.x, v.z)),
-        plus(plus(two_product(right.y, v.x), two_product(up.y, v.y)), two_product(back.y, v.z)),
-        plus(plus(two_product(right.z, v.x), two_product(up.z, v.y)), two_product(back.z, v.z)),
-    };
-    return w;
+    return (Pair3){plus(plus(two_product(right.x, v.x), two_product(up.x, v.y)), two_product(back.x, v.z)),
+                   plus(plus(two_product(right.y, v.x), two_product(up.y, v.y)), two_product(back.y, v.z)),
+                   plus(plus(two_product(right.z, v.x), two_product(up.z, v.y)), two_product(back.z, v.z))};
 }
 
 /* The numbers above in pairs, and bounds of what b and D are off by. */
 typedef struct {
     Pair3 w, X;
     Pair a, b, c, D;
-    REAL b_error, c_error, D_error; /* c_error only of parallel rays: else the host knows c */
+    REAL a_error, b_error, c_error,
+        D_error; /* c_error only of parallel rays: else the host knows c; a_error: of ellipsoids */
 } Fine;
 
 /* c and D of rays that start at o, from the plane of an orthographic camera; f: from there to the centre. */
@@ -50,8 +48,7 @@ static void fine_from_eye(const Ray ray, const Sphere sphere, const Pair3 f, con
     const REAL error_b = (2 * fabs(e->b.hi) + e->b_error) * e->b_error + 0x1p-98 * (bb.hi + fabs(ac.hi));
     const REAL error_X = (2 * size + 3 * e->b_error) * e->b_error + 0x1p-99 * (arr.hi + XX.hi);
     const REAL_MASK better = error_b < error_X;
-    e->D.hi = better ? by_b.hi : by_X.hi;
-    e->D.lo = better ? by_b.lo : by_X.lo;
+    e->D = choose_pair(better, by_b, by_X);
     e->D_error = better ? error_b : error_X;
 }
 
@@ -76,28 +73,15 @@ static void fine_from_eye(const Ray ray, const Sphere sphere, const Pair3 f, con
 static __attribute__((noinline)) Fine fine_quadratic(const Geometry geometry, const Ray ray, const Sphere sphere) {
     Fine e;
     const real4 eye = geometry.camera[0];
-    REAL x = 0, y = 0, z = 0, rest = 0;
-    FOR_EACH_INDEX(one, sphere.index) {
-        const REAL_MASK here = TO_REAL_MASK(sphere.index == one);
-        const real4 s = geometry.world[one];
-        PUT_WHERE(here, x, (REAL)s.x);
-        PUT_WHERE(here, y, (REAL)s.y);
-        PUT_WHERE(here, z, (REAL)s.z);
-        PUT_WHERE(here, rest, (REAL)s.w);
-    }
-    Pair3 f = {two_sum(x, (REAL)-eye.x), two_sum(y, (REAL)-eye.y), two_sum(z, (REAL)-eye.z)};
-    if (HAS(WITH_PARALLEL_RAYS)) {
-        const Pair3 o = pairs_in_world(geometry, ray.o);
-        f.x = minus(f.x, o.x);
-        f.y = minus(f.y, o.y);
-        f.z = minus(f.z, o.z);
-    }
+    const Real4 s = rows_at(geometry.world, sphere.index);
+    Pair3 f = pairs_between((Real3){eye.x, eye.y, eye.z}, xyz_of(s));
+    if (HAS(WITH_PARALLEL_RAYS)) f = minus3(f, pairs_in_world(geometry, ray.o));
     e.w = pairs_in_world(geometry, ray.d);
     e.a = dot_pairs(e.w, e.w);
     e.b = dot_pairs(f, e.w);
     e.X = cross_pairs(f, e.w);
     if (HAS(WITH_PARALLEL_RAYS)) fine_from_plane(ray, sphere, f, &e);
-    else fine_from_eye(ray, sphere, f, rest, &e);
+    else fine_from_eye(ray, sphere, f, s.w, &e);
     return e;
 }
 
@@ -182,21 +166,19 @@ static __attribute__((noinline)) void whole_quadratic(Integer *b, Integer *D, In
     set_to(b, 0, 0, n);
     set_to(c, 0, 0, n);
     for (int i = 0; i < 3; i++) {
-        set_to(&f, coordinate(eye, i), ray->unit_f, n);
-        if (HAS(WITH_PARALLEL_RAYS)) add(&f, &ray->o[i], n);
-        negate(&f, n);
-        set_to(&other, coordinate(center, i), ray->unit_f, n);
-        add(&f, &other, n);
+        set_to(&f, coordinate(center, i), ray->unit_f, n);
+        set_to(&other, coordinate(eye, i), ray->unit_f, n);
+        add(&f, -1, &other, n);
+        if (HAS(WITH_PARALLEL_RAYS)) add(&f, -1, &ray->o[i], n);
         add_product(b, &f, &ray->w[i], n);
         add_product(c, &f, &f, n);
     }
-    negate(c, n);
     set_to(&f, geometry.center_radius[index].w, ray->unit_f, n);
-    add_product(c, &f, &f, n);
-    set_to(D, 0, 0, n);
-    add_product(D, b, b, n);
-    add_product(D, &ray->a, c, n);
-    negate(c, n);
+    multiply(&other, &f, &f, n);
+    add(c, -1, &other, n);
+    multiply(D, b, b, n);
+    multiply(&other, &ray->a, c, n);
+    add(D, -1, &other, n);
 }
 
 /* D, b and c, correctly rounded, of the sphere `index` and the ray of x and y, as in whole_ray(). */
@@ -231,30 +213,22 @@ static __attribute__((noinline)) int order_of(const Geometry geometry, const int
     const int s = side_of_ray(geometry, first, &P, n);
     whole_quadratic(&b, &E, &P, geometry, second, &ray);
     const int t = side_of_ray(geometry, second, &P, n);
-    negate(&b, n);
-    add(&p, &b, n);
+    add(&p, -1, &b, n);
     const int sign_D = sign_of(&D, n), sign_E = sign_of(&E, n), sign_p = sign_of(&p, n);
     /* v has the sign of s D - s' E. */
-    set_to(&P, 0, 0, n);
-    add(&P, &E, n);
-    negate(&P, n);
-    add(&P, &D, n);
+    P = D;
+    add(&P, -1, &E, n);
     const int sign_v = s != t ? (s * sign_D != 0 ? s * sign_D : -t * sign_E) : s * sign_of(&P, n);
     if (sign_p * sign_v >= 0) return sign_p != 0 ? sign_p : sign_v;
     /* p^2 - D - E. */
-    set_to(&P, 0, 0, n);
-    add(&P, &D, n);
-    add(&P, &E, n);
-    negate(&P, n);
-    add_product(&P, &p, &p, n);
+    multiply(&P, &p, &p, n);
+    add(&P, -1, &D, n);
+    add(&P, -1, &E, n);
     const int sign_P = sign_of(&P, n), sign_root = s * t * sign_D * sign_E;
     if (sign_P * sign_root >= 0) return sign_p * (sign_P != 0 ? sign_P : sign_root);
-    set_to(&b, 0, 0, n);
-    add_product(&b, &D, &E, n);
-    add(&b, &b, n);
-    add(&b, &b, n);
-    negate(&b, n);
-    add_product(&b, &P, &P, n);
+    multiply(&b, &P, &P, n);
+    multiply(&p, &D, &E, n);
+    for (int k = 0; k < 4; k++) add(&b, -1, &p, n);
     return sign_p * sign_P * sign_of(&b, n);
 }
 
@@ -311,29 +285,38 @@ static __attribute__((noinline)) Decided decide(const Geometry geometry, const R
     return decided;
 }
 
+/* The square root of x, whose hi is positive where `some`; else 0. */
+static Pair root_of(const Pair x, const REAL_MASK some) {
+    const REAL near = some ? sqrt(x.hi) : (REAL)0;
+    const Pair rest = minus(x, two_product(near, near));
+    return two_sum(near, some ? (rest.hi + rest.lo) / (2 * near) : (REAL)0);
+}
+
+/* What the root of x is off by: the lesser of error / sqrt(x) and sqrt(error). */
+static REAL root_error(const REAL x, const REAL error, const REAL_MASK some) {
+    const REAL least = sqrt(error), by_root = some ? error / sqrt(x) : least;
+    return by_root < least ? by_root : least;
+}
+
+static Pair negative_where(const REAL_MASK mask, const Pair x) {
+    return (Pair){mask ? -x.hi : x.hi, mask ? -x.lo : x.lo};
+}
+
 /* t of a ray that is known to hit, in pairs, and a bound of its error. */
 typedef struct {
     Pair t;
     REAL error;
 } FineT;
 
-/* D is off by D_error, its root by the lesser of D_error / sqrt(D) and sqrt(D_error), and q = |b| + sqrt(D) by that and
- * b_error. What a, c and the division add is below 2^-97 of t: see fine_quadratic(). Twice the sum of the shares is a
- * bound as long as it is below 1/2, and beyond that it is so large that it decides nothing. */
+/* D is off by D_error, its root as root_error() says, and q = |b| + sqrt(D) by that and b_error. What a, c and the
+ * division add is below 2^-97 of t: see fine_quadratic(). Twice the sum of the shares is a bound as long as it is below
+ * 1/2, and beyond that it is so large that it decides nothing. */
 static __attribute__((noinline)) FineT fine_t(const Geometry geometry, const Ray ray, const Sphere sphere) {
     const Fine e = fine_quadratic(geometry, ray, sphere);
-    const REAL_MASK some = e.D.hi > 0;
-    const REAL near = some ? sqrt(e.D.hi) : (REAL)0;
-    const Pair rest = minus(e.D, two_product(near, near));
-    const Pair root = two_sum(near, some ? (rest.hi + rest.lo) / (2 * near) : (REAL)0);
-    const REAL_MASK behind = e.b.hi < 0, first = (e.c.hi > 0) | behind;
-    const Pair sum = plus(e.b, root), difference = minus(e.b, root);
-    const Pair q = {behind ? difference.hi : sum.hi, behind ? difference.lo : sum.lo};
-    const Pair numerator = {first ? e.c.hi : q.hi, first ? e.c.lo : q.lo};
-    const Pair denominator = {first ? q.hi : e.a.hi, first ? q.lo : e.a.lo};
-    const REAL by_root = e.D_error / near, least = sqrt(e.D_error), root_error = by_root < least ? by_root : least;
-    FineT t = {over(numerator, denominator), 0};
-    t.error = 2 * fabs(t.t.hi) * ((e.b_error + root_error) / fabs(q.hi) + 0x1p-97);
+    const REAL_MASK some = e.D.hi > 0, behind = e.b.hi < 0, first = (e.c.hi > 0) | behind;
+    const Pair q = plus(e.b, negative_where(behind, root_of(e.D, some)));
+    FineT t = {over(choose_pair(first, e.c, q), choose_pair(first, q, e.a)), 0};
+    t.error = 2 * fabs(t.t.hi) * ((e.b_error + root_error(e.D.hi, e.D_error, some)) / fabs(q.hi) + 0x1p-97);
     if (HAS(WITH_PARALLEL_RAYS)) { /* the host knows no c of such a ray */
         t.error += first ? 2 * fabs(t.t.hi) * (e.c_error / fabs(e.c.hi)) : (REAL)0;
         t.error = fabs(e.c.hi) > e.c_error ? t.error : (REAL)INFINITY;
@@ -354,7 +337,6 @@ static REAL_MASK sphere_comes_first(const Geometry geometry, const Ray ray, cons
     STORE_LANES(A.index, first);
     STORE_LANES(B.index, second);
     STORE_LANES(unsure, left);
-    STORE_LANES(ray.d.x, x);
     STORE_LANES(OWN(ray).x, x);
     STORE_LANES(OWN(ray).y, y);
     STORE_LANES(gap, order);

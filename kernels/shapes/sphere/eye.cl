@@ -1,25 +1,5 @@
 /* eye.cl: spheres and ellipsoids along rays from the eye. */
 
-#if defined(WITH_ELLIPSOIDS) && REAL_BYTES == 8
-/* Which lanes' rays, which meet both, meet a sphere or an ellipsoid before their rivals; where they are met at once,
- * `tie` says. */
-static REAL_MASK sphere_before(const Scene *scene, const Ray ray, const Sphere sphere, const INT rival,
-                               const REAL_MASK tie, const REAL_MASK close) {
-    const Geometry geometry = scene->geometry;
-    const MASK maps = (maps_of(geometry, sphere.index) != 0) | (maps_of(geometry, rival) != 0);
-    const REAL_MASK stretched = close & TO_REAL_MASK(maps);
-    const REAL_MASK mixed = comes_first_from(geometry, from_eye(geometry, eye_ray(ray)), sphere.index, rival, tie);
-    const REAL_MASK round = sphere_comes_first(geometry, ray, sphere, spheres_of(geometry, rival), tie,
-                                               close & !stretched);
-    return stretched ? mixed : round;
-}
-#elif REAL_BYTES == 8
-#define sphere_before(scene, ray, sphere, rival, tie, close) \
-    sphere_comes_first((scene)->geometry, ray, sphere, spheres_of((scene)->geometry, rival), tie, close)
-#else
-#define sphere_before(scene, ray, sphere, rival, tie, close) tie
-#endif
-
 /* Which lanes' rays meet a sphere, at t, before what they have hit so far. Of equally near ones, the sphere that comes
  * first in the scene file is hit. */
 static REAL_MASK closer(const Scene *scene, const Ray ray, const Sphere sphere, const int index, const REAL t,
@@ -27,8 +7,23 @@ static REAL_MASK closer(const Scene *scene, const Ray ray, const Sphere sphere, 
     const REAL_MASK nearer = t < hit.t;
     const REAL_MASK close = too_close(t, hit.t);
     if (!UNDECIDED(scene->geometry, ANY(TO_MASK(close)))) return nearer;
-    const REAL_MASK tie = TO_REAL_MASK(scene->id_of[index] < ids_of(scene, hit.id));
-    const REAL_MASK first = sphere_before(scene, ray, sphere, SPHERE_OR_NONE(scene->geometry, hit.id), tie, close);
+    const INT rival = SPHERE_OR_NONE(scene->geometry, hit.id);
+    REAL_MASK first = TO_REAL_MASK(scene->id_of[index] < ids_of(scene, hit.id));
+#if REAL_BYTES == 8
+    REAL_MASK round = close;
+#ifdef WITH_ELLIPSOIDS
+    const MASK maps = (maps_of(scene->geometry, sphere.index) != 0) | (maps_of(scene->geometry, rival) != 0);
+    const MASK stretched = TO_MASK(close) & maps;
+    round = close & !TO_REAL_MASK(stretched);
+    const Leaving way = from_eye(scene->geometry, eye_ray(ray));
+    const REAL_MASK mixed = comes_first_of(scene, way, sphere.index, stretched ? rival : sphere.index);
+#else
+    const REAL_MASK mixed = first;
+#endif
+    const REAL_MASK exact = sphere_comes_first(scene->geometry, ray, sphere, spheres_of(scene->geometry, rival), first,
+                                               round);
+    first = round ? exact : mixed;
+#endif
     return close ? first : nearer;
 }
 
@@ -80,17 +75,10 @@ static __attribute__((always_inline)) int sphere_take(const Scene *scene, const 
     hit->id = TO_MASK(nearer) ? (INT)index : hit->id;
     PUT3(PUT_WHERE, nearer, hit->from_center, at.from_center);
     if (HAS(WITH_ELLIPSOIDS)) PUT_WHERE(nearer, hit->inside, inside);
-    if (ANY_LATE) {
-        const Bounds near = near_of(at.t, scene->unit);
-        PUT_WHERE(TO_MASK(nearer), hit->near.low, near.low);
-        PUT_WHERE(TO_MASK(nearer), hit->near.high, near.high);
-    }
+    if (ANY_LATE) put_late(TO_MASK(nearer), near_of(at.t, scene->unit), index, hit);
     return 1;
 }
 
 /* A sphere is decided when it is taken. */
-static void sphere_settle(const Scene *scene, const Ray ray, Hit *hit) {
-}
-
-static void sphere_settle_t(const Scene *scene, const EyeRay ray, const Rival hit, REAL *t) {
-}
+#define sphere_settle(scene, ray, hit)
+#define sphere_settle_t(scene, ray, hit, t)

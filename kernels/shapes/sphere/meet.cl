@@ -19,9 +19,7 @@ static __attribute__((always_inline)) void decide_quadratic(const Geometry geome
         const Decided decided = decide(geometry, ray, sphere, unsure | tiny, all_but_on);
         e->discriminant = (unsure | tiny) ? decided.discriminant : e->discriminant;
         e->b = all_but_on ? decided.b : e->b;
-        e->v.x = tiny ? decided.v.x : e->v.x;
-        e->v.y = tiny ? decided.v.y : e->v.y;
-        e->v.z = tiny ? decided.v.z : e->v.z;
+        e->v = chosen(tiny, decided.v, e->v);
     }
 }
 #else
@@ -108,13 +106,10 @@ static Meeting sphere_meet(const Geometry geometry, const Ray ray, const Sphere 
     Meeting at;
     at.t = hit ? t : (REAL)INFINITY;
     const REAL s = root * ray.over_a;
-    at.from_center.x = -(e.v.x + s * ray.d.x);
-    at.from_center.y = -(e.v.y + s * ray.d.y);
-    at.from_center.z = s - e.v.z;
+    at.from_center = (Real3){-(e.v.x + s * ray.d.x), -(e.v.y + s * ray.d.y), s - e.v.z};
     if (ANY(TO_MASK(e.by_b))) {
-        at.from_center.x = e.by_b ? t * ray.d.x - sphere.center.x : at.from_center.x;
-        at.from_center.y = e.by_b ? t * ray.d.y - sphere.center.y : at.from_center.y;
-        at.from_center.z = e.by_b ? -t - sphere.center.z : at.from_center.z;
+        const Real3 point = {t * ray.d.x, t * ray.d.y, -t};
+        at.from_center = chosen(e.by_b, difference(point, sphere.center), at.from_center);
     }
     return at;
 }
@@ -135,9 +130,8 @@ static __attribute__((noinline)) void decide_meeting(const Geometry geometry, co
     const REAL t = outside ? c / q : b >= 0 ? q : -c / q;
     const REAL_MASK hit = (exact.discriminant >= 0) & (t > 0) & (!outside | (b > 0));
     at->t = wanted ? (hit ? t : (REAL)INFINITY) : at->t;
-    PUT_WHERE(wanted, at->from_center.x, -exact.v.x);
-    PUT_WHERE(wanted, at->from_center.y, -exact.v.y);
-    PUT_WHERE(wanted, at->from_center.z, outside ? root : -root);
+    const Real3 from_center = {-exact.v.x, -exact.v.y, outside ? root : -root};
+    at->from_center = chosen(wanted, from_center, at->from_center);
 }
 
 /* Of a ray from o = (x, y, 0) along -z, the sphere is a disc: with (x, y) from the ray to its centre C, the ray meets
@@ -181,8 +175,7 @@ static Meeting sphere_meet(const Geometry geometry, const Ray ray, const Sphere 
     const REAL robust = outside ? c / q : b >= 0 ? q : -c / q, direct = outside ? b - root : b + root;
     const REAL t = near_eye ? robust : direct;
     const REAL_MASK hit = (D >= 0) & (t > 0) & (!outside | (b > 0)) & (rr > 0);
-    const Meeting at = {hit ? t : (REAL)INFINITY, {-x, -y, outside ? root : -root}};
-    return at;
+    return (Meeting){hit ? t : (REAL)INFINITY, {-x, -y, outside ? root : -root}};
 }
 #endif
 #endif

@@ -1,7 +1,7 @@
 /* sphere.cl: the sphere: what is in its buffers, its float32 filter with a proof, and the normal of a point.
  *
- * meet.cl and meet.cl find where a ray from the eye meets it, exact.cl has the last word on that and tells
- * which of two is met first, and surface.cl tells whether it stands between a point and a light. cltrace/reference has
+ * meet.cl finds where a ray from the eye meets it, exact.cl has the last word on that and tells which of two is met
+ * first, and surface.cl tells whether it stands between a point and a light. cltrace/reference has
  * the same, without the filter.
  */
 
@@ -16,8 +16,7 @@ typedef struct {
 static Sphere sphere_at(const Geometry geometry, const int index) {
     const real4 s = geometry.center_radius[index];
     const real2 power = geometry.power[index];
-    const Sphere sphere = {index, {s.x, s.y, s.z}, s.w, power.y, power.x};
-    return sphere;
+    return (Sphere){index, {s.x, s.y, s.z}, s.w, power.y, power.x};
 }
 
 /* Each lane's sphere. Lanes with a negative index get a harmless one ahead. */
@@ -90,17 +89,8 @@ typedef struct {
 /* The outward unit normal. From the centre to the point is r long but for rounding, so after the division by r one
  * Newton step n (3 - n.n)/2 makes it unit to the last digits. */
 static Real3 sphere_surface(const Sphere sphere, const Real3 from_center) {
-    Real3 n = {from_center.x * sphere.over_r, from_center.y * sphere.over_r, from_center.z * sphere.over_r};
-    const REAL unit = (real)0.5 * ((real)3 - DOT(n, n));
-    n.x *= unit;
-    n.y *= unit;
-    n.z *= unit;
-    return n;
-}
-
-/* A sphere is no part of anything. */
-static int sphere_primitive(const Scene *scene, const int index) {
-    return -1;
+    const Real3 n = scaled(from_center, sphere.over_r);
+    return scaled(n, (real)0.5 * ((real)3 - DOT(n, n)));
 }
 
 /* What is read of spheres. light: the number of a light, -1: the eye. */
@@ -111,12 +101,3 @@ static void sphere_fetch(const Scene *scene, const int light, const int index) {
     FETCH(scene->geometry.center_radius, index);
     FETCH(scene->geometry.power, index);
 }
-
-static void sphere_fetch_first(const Scene *scene, const int light, const int index) {
-    FETCH(scene->light_filter, (long)light * scene->count + index);
-}
-
-/* Leaves of the tree hold them as balls. */
-#define sphere_fetch_leaf ball_fetch_leaf
-#define sphere_add_leaf ball_add_leaf
-#define sphere_add_leaf_for_packet ball_add_leaf_for_packet

@@ -5,9 +5,7 @@
 /* |f|^2 - r^2, the power of P, given f = B.center - P. With D = B.center - C it is also D.(D - 2p) + (R - r)(R + r), as
  * |p| = R: exact for concentric spheres, even one ulp apart. The errors go with the size of the terms. */
 static REAL power_of(const Start P, const Sphere B, const Real3 f) {
-    const Real3 C = P.own.center;
-    const Real3 D = {B.center.x - C.x, B.center.y - C.y, B.center.z - C.z};
-    const Real3 g = {f.x - P.p.x, f.y - P.p.y, f.z - P.p.z};
+    const Real3 D = difference(B.center, P.own.center), g = difference(f, P.p);
     const REAL ff = DOT(f, f), rr = B.r * B.r;
     const REAL shift = DOT(D, g), step = (P.own.r - B.r) * (P.own.r + B.r);
     const REAL size = (shift < 0 ? -shift : shift) + (step < 0 ? -step : step);
@@ -16,7 +14,7 @@ static REAL power_of(const Start P, const Sphere B, const Real3 f) {
     const REAL c = by_centres ? shift + step : ff - rr;
     if (REAL_BYTES == 8) return c;
     /* |B.center|^2 - r^2 comes from the host: what is added to it is small where P is near the eye. */
-    const Real3 h = {P.from_eye.x - 2 * B.center.x, P.from_eye.y - 2 * B.center.y, P.from_eye.z - 2 * B.center.z};
+    const Real3 h = difference(P.from_eye, scaled(B.center, 2));
     return P.near_eye ? B.c + DOT(P.from_eye, h) : c;
 }
 
@@ -34,7 +32,7 @@ static REAL power_of(const Start P, const Sphere B, const Real3 f) {
 static REAL_MASK stands_between(const Real3 f, const Real3 w, const REAL c, const REAL r, const int far,
                                 const int light_side) {
     const REAL a = DOT(w, w), b = DOT(f, w);
-    const Real3 cross = {f.y * w.z - f.z * w.y, f.z * w.x - f.x * w.z, f.x * w.y - f.y * w.x};
+    const Real3 cross = cross_of(f, w);
     const REAL bb = b * b, arr = a * (r * r);
     const REAL_MASK meets = (bb < arr ? bb - a * c : arr - DOT(cross, cross)) >= 0;
     const REAL_MASK ahead = b > 0;
@@ -139,9 +137,7 @@ static void stretch(Intersection *at, const Spot spot, const REAL_MASK inside) {
     PUT_WHERE(here, at->start.side, inside ? (REAL)-1 : (REAL)1);
     at->start.stretched = here;
     if (REAL_BYTES == 8) return;
-    PUT_WHERE(here, at->start.from_eye.x, at->start.own.center.x + spot.p.x);
-    PUT_WHERE(here, at->start.from_eye.y, at->start.own.center.y + spot.p.y);
-    PUT_WHERE(here, at->start.from_eye.z, at->start.own.center.z + spot.p.z);
+    at->start.from_eye = chosen(here, sum3(at->start.own.center, spot.p), at->start.from_eye);
     PUT_WHERE(here, at->start.near_eye, 0);
 }
 
@@ -172,22 +168,15 @@ static void start_in_world(const Frame frame, const Scene *scene, const INT id, 
 #define start_in_world(frame, scene, id, at)
 #endif
 
-#ifdef WITH_UV
 /* Where points of spheres are on a texture: by their longitude about the y axis, 1/2 where z is largest, and by the
  * angle from the y axis, which near the poles keeps its digits as the arc cosine would not. It is the unit normal's
  * before any transform that counts: an ellipsoid's in its own axes, and a sphere's in the world. */
 static void map_spheres(const Frame frame, Intersection *at) {
     Real3 q = turned_to_world(frame, at->normal);
-    if (HAS(WITH_ELLIPSOIDS)) {
-        const REAL_MASK here = at->start.stretched;
-        PUT3(PUT_WHERE, here, q, at->q);
-    }
+    if (HAS(WITH_ELLIPSOIDS)) q = chosen(at->start.stretched, at->q, q);
     at->u = (REAL)0.5f + turns_of(q.x, q.z);
     at->v = 2 * turns_of(sqrt(q.x * q.x + q.z * q.z), q.y);
 }
-#else
-#define map_spheres(frame, at)
-#endif
 
 /* Puts what a ray from the eye has met into an intersection. */
 static __attribute__((always_inline)) void sphere_put(const Frame frame, const Scene *scene, const Ray ray,
@@ -202,7 +191,7 @@ static __attribute__((always_inline)) void sphere_put(const Frame frame, const S
     }
     stretch_at(frame, scene, ray, hit, round, at);
     if (HAS(WITH_UV)) map_spheres(frame, at);
-    if (ANY_PLACED || HAS(WITH_PLANES)) start_in_world(frame, scene, hit.id, at);
+    if (HAS(WITH_PLACED)) start_in_world(frame, scene, hit.id, at);
 }
 
 #ifdef WITH_BOUNCES
@@ -213,15 +202,14 @@ static __attribute__((always_inline)) void sphere_put_from(const Frame frame, co
     const Spot spot = spot_at(frame, scene->geometry, ray, balls_of(scene->geometry, round), met.at.t);
     at->normal = spot.n;
     const Sphere sphere = spheres_of(scene->geometry, round);
-    const Real3 C = sphere.center, n = at->normal;
-    const Real3 point = {C.x + sphere.r * n.x, C.y + sphere.r * n.y, C.z + sphere.r * n.z};
-    at->start = start_of(sphere, n, met.at.inside ? (REAL)-1 : (REAL)1, point);
+    const Real3 point = sum3(sphere.center, scaled(at->normal, sphere.r));
+    at->start = start_of(sphere, at->normal, met.at.inside ? (REAL)-1 : (REAL)1, point);
     if (HAS(WITH_SHAPES)) {
         at->q = spot.q;
         at->spread = 1;
     }
     stretch(at, spot, met.at.inside);
     if (HAS(WITH_TEXTURES)) map_spheres(frame, at);
-    if (ANY_PLACED || HAS(WITH_PLANES)) start_in_world(frame, scene, met.id, at);
+    if (HAS(WITH_PLACED)) start_in_world(frame, scene, met.id, at);
 }
 #endif

@@ -12,9 +12,9 @@ typedef struct {
 /* The crossings of the lanes of `wanted`, as far as `real` tells. inside: lanes of which it is known that all three
  * volumes have the sign of D. */
 #if REAL_BYTES == 8
-static __attribute__((always_inline)) Crossing triangle_meet(const Path path, const Triangle T, const REAL_MASK wanted,
-                                                             const REAL_MASK inside) {
-    const Volumes v = volumes_of(path, T);
+static __attribute__((always_inline)) Crossing triangle_meet(const Leaving ray, const Triangle T,
+                                                             const REAL_MASK wanted, const REAL_MASK inside) {
+    const Volumes v = volumes_of(ray, T);
     const REAL D = v.D, t = D / v.den;
     Crossing at = {(REAL)INFINITY, {v.EB, v.EC, v.den}, 0};
     REAL_MASK meets = inside, misses = 0;
@@ -34,19 +34,9 @@ static __attribute__((always_inline)) Crossing triangle_meet(const Path path, co
     return at;
 }
 
-/* Puts what pairs say into the lanes that are unsure. Scene and rays are copied there: else compilers keep them in
- * memory all the time. */
-static __attribute__((always_inline)) void decide_crossing(const Geometry geometry, const EyeRay ray, const INT number,
+/* Puts what pairs say into the lanes that are unsure. index: of the triangles. */
+static __attribute__((always_inline)) void decide_crossing(const Geometry geometry, const Leaving ray, const INT index,
                                                            Crossing *at) {
-    if (!UNDECIDED(geometry, ANY(TO_MASK(at->unsure)))) return;
-    const Geometry all = geometry;
-    const EyeRay own = ray;
-    const FineTriangle fine = fine_meeting_from_eye(&all, &own, number, at->unsure);
-    at->t = (at->unsure & fine.hit) ? fine.t.hi : at->t;
-}
-
-static __attribute__((always_inline)) void decide_encounter(const Geometry geometry, const Leaving ray, const INT index,
-                                                            Crossing *at) {
     if (!UNDECIDED(geometry, ANY(TO_MASK(at->unsure)))) return;
     at->unsure = at->unsure & !TO_REAL_MASK(known_in_one_plane(geometry, index, ray.own));
     if (!ANY(TO_MASK(at->unsure))) return;
@@ -56,26 +46,32 @@ static __attribute__((always_inline)) void decide_encounter(const Geometry geome
 }
 #else
 /* Float tells no ties apart: both triangles at an edge are met, and none is missed. */
-static __attribute__((always_inline)) Crossing triangle_meet(const Path path, const Triangle T, const REAL_MASK wanted,
-                                                             const REAL_MASK inside) {
-    const Volumes v = volumes_of(path, T);
+static __attribute__((always_inline)) Crossing triangle_meet(const Leaving ray, const Triangle T,
+                                                             const REAL_MASK wanted, const REAL_MASK inside) {
+    const Volumes v = volumes_of(ray, T);
     const REAL D = v.D, t = D / v.den;
     const REAL least = smaller_of(v.EA, smaller_of(v.EB, v.EC)), most = larger_of(v.EA, larger_of(v.EB, v.EC));
     const REAL_MASK meets = inside | ((D > 0) & (least >= 0)) | ((D < 0) & (most <= 0));
     const Crossing at = {(wanted & meets & (t > 0)) ? t : (REAL)INFINITY, {v.EB, v.EC, v.den}, 0};
     return at;
 }
-#define decide_crossing(geometry, ray, number, at)
-#define decide_encounter(geometry, ray, index, at)
+#define decide_crossing(geometry, ray, index, at)
 #endif
 
-/* The crossings of rays from the eye. number: of the triangles T. */
-static __attribute__((always_inline)) Crossing triangle_meet_from_eye(const Geometry geometry, const EyeRay ray,
-                                                                      const Triangle T, const INT number,
-                                                                      const REAL_MASK wanted, const REAL_MASK inside) {
-    Crossing at = triangle_meet(path_of(from_eye(geometry, ray)), T, wanted, inside);
-    decide_crossing(geometry, ray, number, &at);
+/* The crossings of rays with the triangles that `index` names; others get any crossing. wanted, inside: as of
+ * triangle_meet(). */
+static __attribute__((always_inline)) Crossing crossing_of(const Geometry geometry, const Leaving ray, const INT index,
+                                                           const REAL_MASK wanted, const REAL_MASK inside) {
+    Crossing at = triangle_meet(ray, triangles_of(geometry, TRIANGLE_OR_NONE(geometry, index)), wanted, inside);
+    decide_crossing(geometry, ray, index, &at);
     return at;
+}
+
+/* Where the lanes of a hit meet its triangles. */
+static __attribute__((always_inline)) Crossing crossing_from_eye(const Geometry geometry, const EyeRay ray,
+                                                                 const INT id, const MASK sure) {
+    const MASK here = IS_TRIANGLE(geometry, id);
+    return crossing_of(geometry, from_eye(geometry, ray), id, TO_REAL_MASK(here), TO_REAL_MASK(here & sure));
 }
 
 /* Bounds of 1/t, or of parallel rays -t, where rays meet a triangle's plane. That of parallel rays is known as along a
@@ -83,17 +79,7 @@ static __attribute__((always_inline)) Crossing triangle_meet_from_eye(const Geom
 static Bounds near_plane(const FLOAT x, const FLOAT y, __global const float4 *facet) {
     const Bounds plane = plane_at(x, y, (FLOAT)(HAS(WITH_PARALLEL_RAYS) ? 1 : -1), facet);
     if (!HAS(WITH_PARALLEL_RAYS)) return plane;
-    const Bounds bounds = {-plane.high - 0x1p-26f, -plane.low + 0x1p-26f};
-    return bounds;
-}
-
-/* Where the lanes of a hit meet its triangles; others get any crossing. */
-static __attribute__((always_inline)) Crossing crossing_of(const Geometry geometry, const EyeRay ray, const INT id,
-                                                           const MASK sure) {
-    const MASK here = IS_TRIANGLE(geometry, id);
-    const INT number = here ? id - FIRST_TRIANGLE(geometry) : (INT)-1;
-    return triangle_meet_from_eye(geometry, ray, triangles_of(geometry, number), number, TO_REAL_MASK(here),
-                                  TO_REAL_MASK(here & sure));
+    return (Bounds){-plane.high - 0x1p-26f, -plane.low + 0x1p-26f};
 }
 
 /* Puts t of the lanes that have hit triangles so far into theirs. */
@@ -101,7 +87,7 @@ static __attribute__((noinline)) void triangle_settle_t(const Scene *scene, cons
                                                         REAL *t) {
     const MASK here = IS_TRIANGLE(scene->geometry, hit.id);
     if (!ANY(here)) return;
-    const Crossing at = crossing_of(scene->geometry, ray, hit.id, hit.sure);
+    const Crossing at = crossing_from_eye(scene->geometry, ray, hit.id, hit.sure);
     PUT_WHERE(TO_REAL_MASK(here), *t, at.t);
 }
 
@@ -115,13 +101,10 @@ typedef struct {
  * far. */
 static __attribute__((noinline)) Decision decide_triangle(const Scene *scene, const EyeRay *ray, const int index,
                                                           const MASK open, const MASK inside, const Rival *hit) {
-    const int number = index - FIRST_TRIANGLE(scene->geometry);
-    const REAL t = triangle_meet_from_eye(scene->geometry, *ray, triangle_at(scene->geometry, number), (INT)number,
-                                          TO_REAL_MASK(open), TO_REAL_MASK(inside))
-                       .t;
+    const Leaving way = from_eye(scene->geometry, *ray);
+    const REAL t = crossing_of(scene->geometry, way, (INT)index, TO_REAL_MASK(open), TO_REAL_MASK(inside)).t;
     const REAL_MASK nearer = comes_before(scene, ray, t, (INT)index, hit) & (t < INFINITY);
-    const Decision decision = {TO_MASK(nearer), near_of(t, scene->unit)};
-    return decision;
+    return (Decision){TO_MASK(nearer), near_of(t, scene->unit)};
 }
 
 /* Takes a triangle into account, and tells whether any lane hits it. Of an orthographic camera, the facets are lines on
@@ -144,9 +127,7 @@ static __attribute__((always_inline)) int triangle_take(const Scene *scene, cons
         open = sides.open & !nearer & !(near.high < hit->near.low);
         if (HAS(WITH_PARALLEL_RAYS)) open = open & !(near.low > 0);
         inside = sides.inside;
-        PUT_WHERE(nearer, hit->near.low, near.low);
-        PUT_WHERE(nearer, hit->near.high, near.high);
-        PUT_WHERE(nearer, hit->id, (INT)index);
+        put_late(nearer, near, index, hit);
         hit->sure = hit->sure | nearer;
         if (!RARELY(ANY(open))) return ANY(nearer);
     }
@@ -163,9 +144,7 @@ static __attribute__((always_inline)) int triangle_take(const Scene *scene, cons
     const EyeRay own = eye_ray(ray);
     const Rival rival = {hit->t, hit->id, hit->sure};
     const Decision is = decide_triangle(&all, &own, index, open, inside, &rival);
-    PUT_WHERE(is.nearer, hit->near.low, is.near.low);
-    PUT_WHERE(is.nearer, hit->near.high, is.near.high);
-    PUT_WHERE(is.nearer, hit->id, (INT)index);
+    put_late(is.nearer, is.near, index, hit);
     PUT_WHERE(is.nearer, hit->sure, inside);
     return 1;
 }
@@ -175,7 +154,7 @@ static __attribute__((always_inline)) void triangle_settle(const Scene *scene, c
     const MASK face = IS_TRIANGLE(scene->geometry, hit->id);
     if (!ANY(face)) return;
     const REAL_MASK here = TO_REAL_MASK(face);
-    const Crossing at = crossing_of(scene->geometry, eye_ray(ray), hit->id, hit->sure);
+    const Crossing at = crossing_from_eye(scene->geometry, eye_ray(ray), hit->id, hit->sure);
     hit->shares = at.shares;
     /* Where a triangle is seen all but from its edge, rounding to float may lose it. */
     const REAL t = REAL_BYTES == 8 ? at.t : at.t < INFINITY ? at.t : TO_REAL(far_of(hit->near.low));
@@ -183,7 +162,7 @@ static __attribute__((always_inline)) void triangle_settle(const Scene *scene, c
 }
 
 /* Triangles and rays that start on surfaces. */
-/* A point of each lane's triangle: how much each corner counts, and the same as a start of rays, see place_on(). */
+/* A point of each lane's triangle: how much each corner counts, and the same as a start of rays, see places_of(). */
 typedef struct {
     Weights weights;
     Real3 q;
@@ -217,28 +196,20 @@ static FacePoint face_point(const Shares shares) {
 
 /* Puts where rays leave triangles into their lanes. */
 static void triangle_leave(const Frame frame, const Geometry geometry, Leaving *ray) {
-    const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(geometry, ray->own));
-    const Place3 place = places_of(geometry, ray->own, ray->q);
-    leave_place(here, place, ray);
+    leave_place(TO_REAL_MASK(IS_TRIANGLE(geometry, ray->own)), places_of(geometry, ray->own, ray->q), ray);
 }
 
 /* Puts the world's coordinates of the lanes that start on triangles into their starts. */
 static __attribute__((noinline)) void triangle_place(const Geometry geometry, Start *P) {
-    const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(geometry, P->index));
-    const Place3 place = places_of(geometry, P->index, P->q);
-    PUT3(PUT_WHERE, here, P->anchor, place.anchor);
-    PUT3(PUT_WHERE, here, P->step, place.step);
-    PUT_WHERE(here, P->reach, place.reach);
+    start_from_place(TO_REAL_MASK(IS_TRIANGLE(geometry, P->index)), places_of(geometry, P->index, P->q), P);
 }
 
 /* Puts where the lanes' rays meet the triangles that `index` names into their lanes. */
 static void triangle_encounter(const Scene *scene, const Leaving ray, const INT index, Encounter *at) {
     const REAL_MASK here = TO_REAL_MASK(IS_TRIANGLE(scene->geometry, index));
-    const INT number = TRIANGLE_OR_NONE(scene->geometry, index);
     /* A ray that leaves a triangle is in its plane there, and so does not meet it: not asking saves exact stages. */
     const REAL_MASK other = here & TO_REAL_MASK(index != ray.own);
-    Crossing crossing = triangle_meet(path_of(ray), triangles_of(scene->geometry, number), other, 0);
-    decide_encounter(scene->geometry, ray, index, &crossing);
+    const Crossing crossing = crossing_of(scene->geometry, ray, index, other, 0);
     at->shares = crossing.shares;
     PUT_OF_SHAPE(here, at->t, crossing.t);
     PUT_OF_SHAPE(here, at->inside, (REAL_MASK)0);
@@ -246,11 +217,6 @@ static void triangle_encounter(const Scene *scene, const Leaving ray, const INT 
 
 /* A triangle is open: what meshes contain is told by how many of their triangles rays meet, see range.cl. */
 #define triangle_contains(scene, A, step, error, index) ((MASK)0)
-
-/* The number of a triangle in its mesh. */
-static int triangle_primitive(const Scene *scene, const int index) {
-    return scene->number_of[index - FIRST_TRIANGLE(scene->geometry)];
-}
 
 #if REAL_BYTES == 8
 /* Puts t of rays that meet triangles into their lanes, in pairs, and a bound of what it is off by. */
@@ -260,11 +226,6 @@ static void triangle_fine_t(const Geometry geometry, const Leaving ray, const IN
     const FineT fine = fine_t_in(fine_plane(geometry, path, TRIANGLE_OR_NONE(geometry, index)), path);
     t->t = choose_pair(here, fine.t, t->t);
     t->error = here ? fine.error : t->error;
-}
-
-/* Leaves those lanes out of `open` in which A and B are known to be in one plane. */
-static void triangle_leave_out_tied(const Geometry geometry, const INT A, const INT B, REAL_MASK *open) {
-    *open = *open & !TO_REAL_MASK(known_in_one_plane(geometry, A, B));
 }
 
 /* Where both A and B are triangles, in the lanes of `close`: their planes break a tie, see plane_comes_first(), and

@@ -9,11 +9,8 @@ static __attribute__((noinline)) REAL finely_beyond(const Geometry geometry, con
     const Corners corners = corners_at(geometry.vertex, geometry.face, number);
     const Pair3 e1 = pairs_between(corners.a, corners.b), e2 = pairs_between(corners.a, corners.c);
     const Pair3 near = pairs_between(corners.a, P.anchor);
-    const Pair3 beyond = {plus(near.x, step.x), plus(near.y, step.y), plus(near.z, step.z)};
-    const Pair side = dot_pairs(cross_pairs(e1, e2), beyond);
-    const REAL size = (fabs(near.x.hi) + fabs(near.y.hi)) + fabs(near.z.hi) + P.reach;
-    const REAL gh = ((fabs(e1.x.hi) + fabs(e1.y.hi)) + fabs(e1.z.hi)) *
-                    ((fabs(e2.x.hi) + fabs(e2.y.hi)) + fabs(e2.z.hi));
+    const Pair side = dot_pairs(cross_pairs(e1, e2), plus3(near, step));
+    const REAL size = size_of_pairs(near) + P.reach, gh = size_of_pairs(e1) * size_of_pairs(e2);
     const REAL sign = sign_from(side.hi, 0x1p-97 * size * gh);
     /* Whole numbers tell of a point of a triangle. As seen from P, D is N.(A - P). */
     const MASK unsure = TO_MASK(wanted & (sign == 0)) & IS_TRIANGLE(geometry, P.index);
@@ -23,32 +20,20 @@ static __attribute__((noinline)) REAL finely_beyond(const Geometry geometry, con
 
 /* P, as where a ray starts: along a parallel light, if it is one. */
 static FinePath fine_path_from(const Geometry geometry, const Real3 to, const Start P) {
-    const Real3 none = {0, 0, 0};
-    const Leaving point = leaving_to(P, to);
-    const Pair3 along = {pair(to.x, 0), pair(to.y, 0), pair(to.z, 0)};
-    const REAL_MASK placed = TO_REAL_MASK(IS_TRIANGLE(geometry, P.index));
-    const FinePath path = {P.anchor,    fine_start(geometry, point),
-                           along,       P.reach,
-                           size_of(to), 0,
-                           placed,      none,
-                           P.q,         P.index - (INT)FIRST_TRIANGLE(geometry)};
-    return path;
+    const Leaving ray = leaving_to(P, to);
+    return (FinePath){ray, {fine_start(geometry, ray), pairs_of(to)}, 0, TO_REAL_MASK(IS_TRIANGLE(geometry, P.index))};
 }
 
-/* As stands_before(), in pairs. */
+/* As decide_stops(), in pairs. */
 static __attribute__((noinline)) REAL_MASK finely_before(const Geometry geometry, const Real3 to, const int at_point,
                                                          const Start P, const INT number, const REAL_MASK wanted) {
-    const Pair3 still = {pair(0, 0), pair(0, 0), pair(0, 0)};
     FinePath path = fine_path_from(geometry, to, P);
     if (!at_point) return fine_triangle(geometry, path, number, wanted).hit;
-    const Pair3 way = pairs_between(to, P.anchor), step = path.step;
-    path.anchor = to;
-    path.step = still;
-    path.w.x = plus(way.x, step.x);
-    path.w.y = plus(way.y, step.y);
-    path.w.z = plus(way.z, step.z);
-    path.reach = 0;
-    path.w1 = (fabs(way.x.hi) + fabs(way.y.hi)) + fabs(way.z.hi) + P.reach;
+    const Pair3 way = pairs_between(to, P.anchor), step = path.fine.step;
+    path.ray.center = to;
+    path.ray.reach = 0;
+    path.ray.w1 = size_of_pairs(way) + P.reach;
+    path.fine = (PairRay){pairs_of((Real3){0, 0, 0}), plus3(way, step)};
     path.placed = 0;
     const FineTriangle fine = fine_triangle(geometry, path, number, wanted);
     return fine.hit & (fine.side * finely_beyond(geometry, path, P, step, number, fine.hit) > 0);
@@ -59,7 +44,7 @@ static __attribute__((noinline)) REAL_MASK finely_before(const Geometry geometry
 static __attribute__((noinline)) REAL_MASK finely_beyond_it(const Geometry geometry, const Real3 to, const Start P,
                                                             const INT number, const REAL_MASK wanted, const REAL D) {
     const FinePath path = fine_path_from(geometry, to, P);
-    const REAL sign = finely_beyond(geometry, path, P, path.step, number, wanted);
+    const REAL sign = finely_beyond(geometry, path, P, path.fine.step, number, wanted);
     return wanted & (sign * D > 0);
 }
 #endif
@@ -79,75 +64,61 @@ typedef struct {
 static __attribute__((always_inline)) Passing passing_of(const Real3 to, const int at_point, const Start P,
                                                          const Triangle T) {
     const Real3 none = {0, 0, 0};
-    Path path = {P.anchor, P.step, to, P.reach, size_of(to)};
+    Leaving ray = leaving_to(P, to);
     if (at_point) {
         const Real3 way = difference(P.anchor, to);
-        path.anchor = to;
-        path.step = none;
-        path.w.x = way.x + P.step.x;
-        path.w.y = way.y + P.step.y;
-        path.w.z = way.z + P.step.z;
-        path.reach = 0;
-        path.w1 = size_of(way) + P.reach;
+        ray.center = to;
+        ray.p = none;
+        ray.w = sum3(way, P.step);
+        ray.reach = 0;
+        ray.w1 = size_of(way) + P.reach;
     }
     Passing is;
-    is.v = volumes_of(path, T);
+    is.v = volumes_of(ray, T);
     is.least = smaller_of(is.v.EA, smaller_of(is.v.EB, is.v.EC));
     is.most = larger_of(is.v.EA, larger_of(is.v.EB, is.v.EC));
     const Real3 near = difference(P.anchor, T.a);
-    const Real3 beyond = {near.x + P.step.x, near.y + P.step.y, near.z + P.step.z};
+    const Real3 beyond = sum3(near, P.step);
     is.side = at_point ? DOT(T.N, beyond) : is.v.D;
-    is.side_error = (real)0x1p-46f * (size_of(near) + P.reach) * (T.g * T.h);
+    is.side_error = DOUBLE_ERROR(0x1p-46f) * (size_of(near) + P.reach) * (T.g * T.h);
     return is;
-}
-
-/* Whether a triangle stands between P and the light. inside: as in triangle_meet(). */
-static REAL_MASK stands_before(const Geometry geometry, const real4 lamp, const int at_point, const Start P,
-                               const int number, const REAL_MASK wanted, const REAL_MASK inside) {
-    const Real3 to = {lamp.x, lamp.y, lamp.z};
-    const REAL_MASK ends_there = at_point ? TO_REAL_MASK(ALL_LANES) : (REAL_MASK)0,
-                    endless = at_point ? (REAL_MASK)0 : TO_REAL_MASK(ALL_LANES);
-    const Passing is = passing_of(to, at_point, P, triangle_at(geometry, number));
-    const Volumes v = is.v;
-    const REAL least = is.least, most = is.most, side = is.side;
-#if REAL_BYTES == 8
-    const REAL side_error = is.side_error;
-    const REAL_MASK split = !inside & (least < -v.E_error) & (most > v.E_error);
-    const REAL_MASK front = v.D > v.D_error, back = v.D < -v.D_error;
-    /* Along a parallel light it is known that the volumes have one sign, and so that of N.w, not which. */
-    const REAL_MASK up = inside & (ends_there | (v.den > v.den_error)),
-                    down = inside & (ends_there | (v.den < -v.den_error));
-    const REAL_MASK passes = (front & (inside ? down & endless : least < -v.E_error)) |
-                             (back & (inside ? up & endless : most > v.E_error));
-    const REAL_MASK ends = ends_there & ((front & (side < -side_error)) | (back & (side > side_error)));
-    const REAL_MASK meets = (front & (up | (least > v.E_error)) & (endless | (side > side_error))) |
-                            (back & (down | (most < -v.E_error)) & (endless | (side < -side_error)));
-    REAL_MASK unsure = wanted & !(split | passes | ends | meets);
-    REAL_MASK stops = wanted & meets;
-    if (!UNDECIDED(geometry, ANY(TO_MASK(unsure)))) return stops;
-    /* Of a triangle in all but the plane of P, only the side of P is unsure. */
-    const REAL_MASK met = unsure & inside & ends_there & (front | back);
-    if (ANY(TO_MASK(met))) stops = stops | finely_beyond_it(geometry, to, P, (INT)number, met, v.D);
-    unsure = unsure & !met;
-    if (ANY(TO_MASK(unsure))) stops = stops | finely_before(geometry, to, at_point, P, (INT)number, unsure);
-    return stops;
-#else
-    const REAL_MASK front = v.D > 0, back = v.D < 0;
-    const REAL_MASK up = inside & (ends_there | (v.den > 0)), down = inside & (ends_there | (v.den < 0));
-    return wanted & ((front & (up | (least > 0)) & (endless | (side > 0))) |
-                     (back & (down | (most < 0)) & (endless | (side < 0))));
-#endif
 }
 
 /* The same as triangle_shadow() where float32 cannot tell: for the lanes of `wanted`, of which those of `inside` are as
  * in triangle_meet(). */
 static __attribute__((noinline)) MASK decide_stops(const Geometry *all, const real4 lamp, const int at_point,
                                                    const Start *from, const int number, const MASK wanted,
-                                                   const MASK inside) {
+                                                   const MASK surely_inside) {
     const Geometry geometry = *all;
-    Start start = *from;
-    place_start(geometry, &start);
-    return TO_MASK(stands_before(geometry, lamp, at_point, start, number, TO_REAL_MASK(wanted), TO_REAL_MASK(inside)));
+    Start P = *from;
+    place_start(geometry, &P);
+    const Real3 to = {lamp.x, lamp.y, lamp.z};
+    const REAL_MASK inside = TO_REAL_MASK(surely_inside), every = TO_REAL_MASK(ALL_LANES), none = 0;
+    const REAL_MASK ends_there = at_point ? every : none, endless = at_point ? none : every;
+    const Passing is = passing_of(to, at_point, P, triangles_of(geometry, (INT)number));
+    const Volumes v = is.v;
+    const REAL least = is.least, most = is.most, side = is.side, side_error = is.side_error;
+    const REAL_MASK front = v.D > v.D_error, back = v.D < -v.D_error;
+    /* Along a parallel light it is known that the volumes have one sign, and so that of N.w, not which. */
+    const REAL_MASK up = inside & (ends_there | (v.den > v.den_error)),
+                    down = inside & (ends_there | (v.den < -v.den_error));
+    const REAL_MASK meets = (front & (up | (least > v.E_error)) & (endless | (side > side_error))) |
+                            (back & (down | (most < -v.E_error)) & (endless | (side < -side_error)));
+    REAL_MASK stops = TO_REAL_MASK(wanted) & meets;
+#if REAL_BYTES == 8
+    const REAL_MASK split = !inside & (least < -v.E_error) & (most > v.E_error);
+    const REAL_MASK passes = (front & (inside ? down & endless : least < -v.E_error)) |
+                             (back & (inside ? up & endless : most > v.E_error));
+    const REAL_MASK ends = ends_there & ((front & (side < -side_error)) | (back & (side > side_error)));
+    REAL_MASK unsure = TO_REAL_MASK(wanted) & !(split | passes | ends | meets);
+    if (!UNDECIDED(geometry, ANY(TO_MASK(unsure)))) return TO_MASK(stops);
+    /* Of a triangle in all but the plane of P, only the side of P is unsure. */
+    const REAL_MASK met = unsure & inside & ends_there & (front | back);
+    if (ANY(TO_MASK(met))) stops = stops | finely_beyond_it(geometry, to, P, (INT)number, met, v.D);
+    unsure = unsure & !met;
+    if (ANY(TO_MASK(unsure))) stops = stops | finely_before(geometry, to, at_point, P, (INT)number, unsure);
+#endif
+    return TO_MASK(stops);
 }
 
 /* The lanes of `may` in which a triangle stands between P and the light: in which the ray meets it, and P is beyond its
@@ -193,38 +164,21 @@ static REAL weighted(const Weights w, const REAL a, const REAL b, const REAL c) 
     return (w.a * a + w.b * b) + w.c * c;
 }
 
-/* The matrix that takes the normals of each lane's mesh to the world; any one where there is none. */
-static Corners normal_matrices(__global const Mesh *meshes, const INT mesh) {
-    int one = LARGEST(mesh);
-    __global const Mesh *first = meshes + max(one, 0);
-    const real4 x = first->normal_x, y = first->normal_y, z = first->normal_z;
-    Corners m = {{x.x, x.y, x.z}, {y.x, y.y, y.z}, {z.x, z.y, z.z}};
-    INT left = mesh == one ? (INT)-1 : mesh;
-    while (RARELY(ANY(left >= 0))) {
-        one = LARGEST(left);
-        const REAL_MASK here = TO_REAL_MASK(left == one);
-        put_row(here, &m.a, meshes[one].normal_x);
-        put_row(here, &m.b, meshes[one].normal_y);
-        put_row(here, &m.c, meshes[one].normal_z);
-        left = left == one ? (INT)-1 : left;
-    }
-    return m;
-}
-
 /* The normals for shading at points of triangles, in the world, to any side and of any length. number: each lane's
  * triangle, negative for none. Where the corners have none, or where theirs add up to 0, it is the triangle's own. */
 static Real3 shading_normals(const Scene *scene, const INT number, const Weights weights) {
     const Corners c = corners_at(scene->corner_normal, scene->normal_face, number);
     const INT mesh = number < 0 ? (INT)-1 : c.fourth;
-    const Corners matrix = normal_matrices(scene->mesh, mesh);
+    /* The matrix that takes the normals of each lane's mesh to the world; any one where there is none. */
+    __global const real4 *matrix = &scene->mesh->normal_x;
+    const Real4 x = rows_at(matrix, 3 * mesh), y = rows_at(matrix + 1, 3 * mesh), z = rows_at(matrix + 2, 3 * mesh);
     const Real3 n = {weighted(weights, c.a.x, c.b.x, c.c.x), weighted(weights, c.a.y, c.b.y, c.c.y),
                      weighted(weights, c.a.z, c.b.z, c.c.z)};
-    const Real3 m = {DOT(matrix.a, n), DOT(matrix.b, n), DOT(matrix.c, n)};
+    const Real3 m = {DOT(x, n), DOT(y, n), DOT(z, n)};
     const REAL_MASK here = TO_REAL_MASK(mesh >= 0) & (DOT(m, m) > 0);
     if (!ANY((number >= 0) & !TO_MASK(here))) return m;
     const Real3 N = plane_normals(scene->geometry.vertex, scene->geometry.face, number);
-    const Real3 normal = {here ? m.x : N.x, here ? m.y : N.y, here ? m.z : N.z};
-    return normal;
+    return chosen(here, m, N);
 }
 
 /* Where points of triangles are on a texture: (0, 0) where their corners do not say. Other lanes are left alone. */
@@ -255,10 +209,7 @@ static __attribute__((noinline)) Real3 rescued_normals(const Frame frame, const 
     const REAL_MASK known = (size > 0) & (N.x - N.x == 0) & (N.y - N.y == 0) & (N.z - N.z == 0);
     const Real3 m = {N.x / size, N.y / size, N.z / size}, turned = turned_to_camera(frame, m);
     const REAL over = 1 / sqrt(DOT(m, m)), back = -1 / sqrt(DOT(d, d));
-    const Real3 own = {known ? turned.x * over : d.x * back, known ? turned.y * over : d.y * back,
-                       known ? turned.z * over : d.z * back};
-    const Real3 normal = {lost ? own.x : n.x, lost ? own.y : n.y, lost ? own.z : n.z};
-    return normal;
+    return chosen(lost, chosen(known, scaled(turned, over), scaled(d, back)), n);
 }
 
 /* Puts the points that are on triangles into an intersection. id: what the rays met, along d; shares: where on it; P:
@@ -273,9 +224,8 @@ static __attribute__((always_inline)) void flatten(const Frame frame, const Scen
     const INT number = TO_MASK(here) ? id - FIRST_TRIANGLE(scene->geometry) : (INT)-1;
     const FacePoint point = face_point(shares);
     const Real3 N = shading_normals(scene, number, point.weights);
-    const REAL square = DOT(N, N), over = 1 / sqrt(square);
-    const Real3 m = {N.x * over, N.y * over, N.z * over};
-    Real3 n = turned_to_camera(frame, m);
+    const REAL square = DOT(N, N);
+    Real3 n = turned_to_camera(frame, scaled(N, 1 / sqrt(square)));
     if (REAL_BYTES == 4) {
         const REAL_MASK lost = here & !((square > (real)0x1p-100f) & (square < INFINITY));
         if (RARELY(ANY(TO_MASK(lost)))) n = rescued_normals(frame, N, d, lost, n);
@@ -284,13 +234,12 @@ static __attribute__((always_inline)) void flatten(const Frame frame, const Scen
      * that go on ask for it. */
     REAL side = 1;
     if (HAS(WITH_BOUNCES)) {
-        const REAL_MASK back = TO_REAL_MASK((fourths_of(scene->geometry.face, number) & 1) != 0);
+        const REAL_MASK back = TO_REAL_MASK(
+            (numbers_at((__global const int *)scene->geometry.face + 3, 4 * number) & 1) != 0);
         side = (shares.all < 0) == back ? (REAL)-1 : (REAL)1;
     }
-    const REAL turn = DOT(n, d) > 0 ? -side : side;
-    PUT_OF_SHAPE(here, at->normal.x, turn * n.x);
-    PUT_OF_SHAPE(here, at->normal.y, turn * n.y);
-    PUT_OF_SHAPE(here, at->normal.z, turn * n.z);
+    n = scaled(n, DOT(n, d) > 0 ? -side : side);
+    PUT3(PUT_OF_SHAPE, here, at->normal, n);
     PUT3(PUT_OF_SHAPE, here, at->q, point.q);
     PUT_OF_SHAPE(here, at->spread, (REAL)1);
     start_at_place(here, P, side, &at->start);

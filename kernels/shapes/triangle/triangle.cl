@@ -20,46 +20,14 @@ typedef struct {
     REAL g, h;       /* |e1| and |e2|, as sums of the coordinates' magnitudes */
 } Triangle;
 
-static Triangle triangle_at(const Geometry geometry, const int number) {
-    const int4 face = geometry.face[number];
-    const real4 a = geometry.vertex[face.x], b = geometry.vertex[face.y], c = geometry.vertex[face.z];
-    const real4 e = b - a, f = c - a;
-    const Triangle T = {{a.x, a.y, a.z},
-                        {e.x, e.y, e.z},
-                        {f.x, f.y, f.z},
-                        {e.y * f.z - e.z * f.y, e.z * f.x - e.x * f.z, e.x * f.y - e.y * f.x},
-                        (fabs(e.x) + fabs(e.y)) + fabs(e.z),
-                        (fabs(f.x) + fabs(f.y)) + fabs(f.z)};
-    return T;
-}
-
-/* The corner `corner`, 0 to 2, of each lane's triangle. Lanes with a negative number get any one. */
-static Real3 corners_of(const Geometry geometry, const INT number, const INT corner) {
-    int each[W], which[W];
-    real x[W], y[W], z[W];
-    STORE_LANES(number, each);
-    STORE_LANES(corner, which);
-    for (int lane = 0; lane < W; lane++) {
-        const int4 face = geometry.face[max(each[lane], 0)];
-        const real4 v = geometry.vertex[which[lane] == 0 ? face.x : which[lane] == 1 ? face.y : face.z];
-        x[lane] = v.x;
-        y[lane] = v.y;
-        z[lane] = v.z;
-    }
-    const Real3 v = {LOAD_LANES(x), LOAD_LANES(y), LOAD_LANES(z)};
-    return v;
-}
-
 /* The three corners of each lane's triangle, or their normals. fourth: the fourth number of the row that names them. */
 typedef struct {
     Real3 a, b, c;
     INT fourth;
 } Corners;
 
-static void put_row(const REAL_MASK here, Real3 *v, const real4 row) {
-    PUT_WHERE(here, v->x, (REAL)row.x);
-    PUT_WHERE(here, v->y, (REAL)row.y);
-    PUT_WHERE(here, v->z, (REAL)row.z);
+static Real3 put_row(const REAL_MASK here, const Real3 v, const real4 row) {
+    return chosen(here, (Real3){row.x, row.y, row.z}, v);
 }
 
 /* The same of lanes on many triangles. */
@@ -76,11 +44,10 @@ static __attribute__((always_inline)) Corners each_corners_at(__global const rea
         b[lane] = array + row[lane]->y;
         c[lane] = array + row[lane]->z;
     }
-    const Corners own = {{(REAL)EACH_LANE(a, ->x), (REAL)EACH_LANE(a, ->y), (REAL)EACH_LANE(a, ->z)},
-                         {(REAL)EACH_LANE(b, ->x), (REAL)EACH_LANE(b, ->y), (REAL)EACH_LANE(b, ->z)},
-                         {(REAL)EACH_LANE(c, ->x), (REAL)EACH_LANE(c, ->y), (REAL)EACH_LANE(c, ->z)},
-                         (INT)EACH_LANE(row, ->w)};
-    return own;
+    return (Corners){{(REAL)EACH_LANE(a, ->x), (REAL)EACH_LANE(a, ->y), (REAL)EACH_LANE(a, ->z)},
+                     {(REAL)EACH_LANE(b, ->x), (REAL)EACH_LANE(b, ->y), (REAL)EACH_LANE(b, ->z)},
+                     {(REAL)EACH_LANE(c, ->x), (REAL)EACH_LANE(c, ->y), (REAL)EACH_LANE(c, ->z)},
+                     (INT)EACH_LANE(row, ->w)};
 }
 
 /* Each lane's three rows of an array, of which `index` says which: those that `face` names there. Lanes with a negative
@@ -101,31 +68,18 @@ static __attribute__((always_inline)) Corners corners_at(__global const real4 *a
         const MASK here = left == one;
         const REAL_MASK put = TO_REAL_MASK(here);
         const int4 more = face[one];
-        put_row(put, &own.a, array[more.x]);
-        put_row(put, &own.b, array[more.y]);
-        put_row(put, &own.c, array[more.z]);
+        own.a = put_row(put, own.a, array[more.x]);
+        own.b = put_row(put, own.b, array[more.y]);
+        own.c = put_row(put, own.c, array[more.z]);
         PUT_WHERE(here, own.fourth, (INT)more.w);
         left = here ? (INT)-1 : left;
     }
     return own;
 }
 
-/* The fourth number of each lane's row; any where the index is negative. */
-static __attribute__((always_inline)) INT fourths_of(__global const int4 *rows, const INT index) {
-    int one = LARGEST(index);
-    INT fourth = rows[max(one, 0)].w, left = index == one ? (INT)-1 : index;
-    while (ANY(left >= 0)) {
-        one = LARGEST(left);
-        PUT_WHERE(left == one, fourth, (INT)rows[one].w);
-        left = left == one ? (INT)-1 : left;
-    }
-    return fourth;
-}
-
 static Triangle triangle_of(const Corners corners) {
     const Real3 e1 = difference(corners.b, corners.a), e2 = difference(corners.c, corners.a);
-    const Triangle T = {corners.a, e1, e2, cross_of(e1, e2), size_of(e1), size_of(e2)};
-    return T;
+    return (Triangle){corners.a, e1, e2, cross_of(e1, e2), size_of(e1), size_of(e2)};
 }
 
 /* N of each lane's triangle. */
@@ -184,22 +138,7 @@ static Bounds plane_at(const FLOAT x, const FLOAT y, const FLOAT z, __global con
     const float a = facet[0].w, b = facet[1].w, c = facet[2].w;
     const FLOAT at = FMA(x, (FLOAT)a, FMA(y, (FLOAT)b, z * c));
     const FLOAT size = FMA(magnitude(x), (FLOAT)fabs(a), FMA(magnitude(y), (FLOAT)fabs(b), magnitude(z) * fabs(c)));
-    const Bounds bounds = {FMA(size, (FLOAT)-0x1p-21f, at), FMA(size, (FLOAT)0x1p-21f, at)};
-    return bounds;
-}
-
-/* Where a ray starts, and where it leads, for the decisions about triangles. Lengths of the world.
- *
- * O = anchor + step. The anchor is exact: the eye, a light, a sphere's centre or a triangle's corner. */
-typedef struct {
-    Real3 anchor, step, w;
-    REAL reach; /* no less than |step|, but for rounding; what the step is off by is below 2^-49 of it */
-    REAL w1;    /* no less than |w.x| + |w.y| + |w.z|; what w is off by is below 2^-49 of it */
-} Path;
-
-static Path path_of(const Leaving ray) {
-    const Path path = {ray.center, ray.p, ray.w, ray.reach, ray.w1};
-    return path;
+    return (Bounds){FMA(size, (FLOAT)-0x1p-21f, at), FMA(size, (FLOAT)0x1p-21f, at)};
 }
 
 /* What is known of rays and triangles in double: the numbers above, and what they are off by.
@@ -217,22 +156,19 @@ typedef struct {
     REAL E_error, D_error, den_error;
 } Volumes;
 
-static __attribute__((always_inline)) Volumes volumes_of(const Path path, const Triangle T) {
-    const Real3 A = {(T.a.x - path.anchor.x) - path.step.x, (T.a.y - path.anchor.y) - path.step.y,
-                     (T.a.z - path.anchor.z) - path.step.z};
-    const Real3 R = cross_of(A, path.w);
-    const REAL s = size_of(A) + path.reach, gh = T.g * T.h;
+#define DOUBLE_ERROR(share) ((real)(REAL_BYTES == 8 ? share : 0)) /* of which float knows nothing */
+static __attribute__((always_inline)) Volumes volumes_of(const Leaving ray, const Triangle T) {
+    const Real3 A = difference(difference(T.a, ray.center), ray.p), R = cross_of(A, ray.w);
+    const REAL s = size_of(A) + ray.reach, gh = T.g * T.h;
     Volumes v;
     v.D = DOT(A, T.N);
-    v.den = DOT(T.N, path.w);
+    v.den = DOT(T.N, ray.w);
     v.EB = DOT(T.e2, R);
     v.EC = -DOT(T.e1, R);
     v.EA = (v.den - v.EB) - v.EC;
-#if REAL_BYTES == 8
-    v.D_error = 0x1p-45 * s * gh;
-    v.den_error = 0x1p-46 * path.w1 * gh;
-    v.E_error = 0x1p-44 * s * path.w1 * (T.g + T.h) + v.den_error;
-#endif
+    v.D_error = DOUBLE_ERROR(0x1p-45f) * s * gh;
+    v.den_error = DOUBLE_ERROR(0x1p-46f) * ray.w1 * gh;
+    v.E_error = DOUBLE_ERROR(0x1p-44f) * s * ray.w1 * (T.g + T.h) + v.den_error;
     return v;
 }
 
@@ -249,55 +185,29 @@ static REAL larger_of(const REAL a, const REAL b) {
     return a > b ? a : b;
 }
 
-static Real3 choose3(const REAL_MASK first, const REAL_MASK second, const Real3 a, const Real3 b, const Real3 c) {
-    const Real3 v = {first    ? a.x
-                     : second ? b.x
-                              : c.x,
-                     first    ? a.y
-                     : second ? b.y
-                              : c.y,
-                     first    ? a.z
-                     : second ? b.z
-                              : c.z};
-    return v;
+/* The corners from that on from which a point q of each lane's triangle is counted, see places_of(). */
+static Corners turned_corners(const Corners c, const Real3 q) {
+    const REAL_MASK first = q.z == 0, second = q.z == 1;
+    return (Corners){chosen(first, c.a, chosen(second, c.b, c.c)), chosen(first, c.b, chosen(second, c.c, c.a)),
+                     chosen(first, c.c, chosen(second, c.a, c.b)), c.fourth};
 }
 
 #if REAL_BYTES == 8
 /* The last word on rays and triangles, where doubles are unsure: in pairs, then in whole numbers. */
 
-static Pair3 pairs_between(const Real3 from, const Real3 to) {
-    const Pair3 v = {two_sum(to.x, -from.x), two_sum(to.y, -from.y), two_sum(to.z, -from.z)};
-    return v;
-}
-
-static Pair3 minus3(const Pair3 a, const Pair3 b) {
-    const Pair3 c = {minus(a.x, b.x), minus(a.y, b.y), minus(a.z, b.z)};
-    return c;
-}
-
-/* As Path, in pairs. The step is off by less than 2^-99 of the reach, and w by less than 2^-101 of w1. */
+/* A ray, in pairs, too. */
 typedef struct {
-    Real3 anchor;
-    Pair3 step, w;
-    REAL reach, w1;
+    Leaving ray;
+    PairRay fine;
     /* For whole numbers: */
     REAL_MASK whole;  /* whether it starts at the eye or on a triangle, along d of camera space; WITH_RAYS, see there */
     REAL_MASK placed; /* whether it starts there, wherever it leads */
-    Real3 d, q;       /* q and own as in Leaving, but that own counts triangles */
-    INT own;
 } FinePath;
 
 /* u (next corner - corner) + v (the one after - corner), in pairs, of the point q of each lane's triangle. */
 static Pair3 fine_step(const Geometry geometry, const INT number, const Real3 q) {
-    const Corners c = corners_at(geometry.vertex, geometry.face, number);
-    const REAL_MASK first = q.z == 0, second = q.z == 1;
-    const Real3 anchor = choose3(first, second, c.a, c.b, c.c);
-    const Pair3 x = pairs_between(anchor, choose3(first, second, c.b, c.c, c.a));
-    const Pair3 y = pairs_between(anchor, choose3(first, second, c.c, c.a, c.b));
-    const Pair u = pair(q.x, 0), v = pair(q.y, 0);
-    const Pair3 step = {plus(times(u, x.x), times(v, y.x)), plus(times(u, x.y), times(v, y.y)),
-                        plus(times(u, x.z), times(v, y.z))};
-    return step;
+    const Corners c = turned_corners(corners_at(geometry.vertex, geometry.face, number), q);
+    return plus3(times3(pair(q.x, 0), pairs_between(c.a, c.b)), times3(pair(q.y, 0), pairs_between(c.a, c.c)));
 }
 
 /* Where a ray starts in whole numbers: anchor + u (next - anchor) + v (last - anchor); from the plane of an
@@ -319,17 +229,17 @@ typedef struct {
 #endif
 } PathLanes;
 
-static void store_path(PathLanes *to, const FinePath path) {
-    STORE_LANES(path.own, to->own);
-    STORE_LANES(path.q.x, to->u);
-    STORE_LANES(path.q.y, to->v);
-    STORE_LANES(path.q.z, to->k);
-    STORE_LANES(path.d.x, to->x);
-    STORE_LANES(path.d.y, to->y);
-    STORE_LANES(path.d.z, to->z);
+static void store_path(PathLanes *to, const Geometry geometry, const FinePath path) {
+    STORE_LANES(TRIANGLE_OR_NONE(geometry, path.ray.own), to->own);
+    STORE_LANES(path.ray.q.x, to->u);
+    STORE_LANES(path.ray.q.y, to->v);
+    STORE_LANES(path.ray.q.z, to->k);
+    STORE_LANES(path.ray.d.x, to->x);
+    STORE_LANES(path.ray.d.y, to->y);
+    STORE_LANES(path.ray.d.z, to->z);
 #ifdef WITH_RAYS
-    const Pair3 step = path.step;
-    to->start[0] = (real4)(path.anchor.x, path.anchor.y, path.anchor.z, 0);
+    const Pair3 step = path.fine.step;
+    to->start[0] = (real4)(path.ray.center.x, path.ray.center.y, path.ray.center.z, 0);
     to->start[1] = (real4)(step.x.hi, step.y.hi, step.z.hi, 0);
     to->start[2] = (real4)(step.x.lo, step.y.lo, step.z.lo, 0);
 #endif
@@ -383,12 +293,29 @@ static __attribute__((noinline)) void whole_offset(Integer *out, const WholeStar
     for (int k = 0; k < 3; k++) {
         if (factor[k] == 0) continue;
         set_to(&way, coordinate(ends[k], i), unit, n);
-        set_to(&from, -coordinate(start.anchor, i), unit, n);
-        if (k > 0 && start.on_plane) set_to(&from, 0, 0, n);
-        add(&way, &from, n);
+        set_to(&from, coordinate(start.anchor, i), unit, n);
+        if (k == 0 || !start.on_plane) add(&way, -1, &from, n);
         set_to(&weight, factor[k], scale, n);
         add_product(out, &way, &weight, n);
     }
+}
+
+/* x x y; the product is none of them. */
+static __attribute__((noinline)) void whole_cross(Integer *cross, const Integer *x, const Integer *y, const int n) {
+    Integer part;
+    for (int i = 0; i < 3; i++) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+        multiply(&cross[i], &x[j], &y[k], n);
+        multiply(&part, &x[k], &y[j], n);
+        add(&cross[i], -1, &part, n);
+    }
+}
+
+/* The sign of a product, and that of the first number of v that is not 0 where it is 0. */
+static int first_sign_of(const Integer *product, const Integer *v, const int n) {
+    int sign = sign_of(product, n);
+    for (int i = 0; i < 3 && sign == 0; i++) sign = sign_of(&v[i], n);
+    return sign;
 }
 
 /* The sign of w.(X' x Y'), of X' x Y' where that is 0; and, without a direction, of Z'.(X' x Y'). What would take more
@@ -402,28 +329,19 @@ static __attribute__((noinline)) int whole_volume(const Geometry geometry, Whole
     const int turned = B.high - B.low + d.high - d.low + 2;
     const int n = (2 * bits + (directed ? turned : bits) + 8 + 31) / 32;
     if (n > DIGITS) return HAS(WITH_RAYS) ? mark_undecided(geometry) : 0;
-    Integer x[3], y[3], cross[3], volume, w, negative;
+    Integer x[3], y[3], cross[3], volume, w;
     set_to(&volume, 0, 0, n);
     for (int i = 0; i < 3; i++) {
         whole_offset(&x[i], start, X, i, n);
         whole_offset(&y[i], start, Y, i, n);
     }
+    whole_cross(cross, x, y, n);
     for (int i = 0; i < 3; i++) {
-        const int j = (i + 1) % 3, k = (i + 2) % 3;
-        set_to(&cross[i], 0, 0, n);
-        negative = x[k];
-        negate(&negative, n);
-        add_product(&cross[i], &x[j], &y[k], n);
-        add_product(&cross[i], &negative, &y[j], n);
         if (directed) whole_turned(&w, geometry, way, i, B.low, d.low, n);
         else whole_offset(&w, start, Z, i, n);
         add_product(&volume, &cross[i], &w, n);
     }
-    const int sign = sign_of(&volume, n);
-    if (sign != 0 || !directed) return sign;
-    for (int i = 0; i < 3; i++)
-        if (sign_of(&cross[i], n) != 0) return sign_of(&cross[i], n);
-    return 0;
+    return directed ? first_sign_of(&volume, cross, n) : sign_of(&volume, n);
 }
 
 static int share_a_plane(const Geometry geometry, const int a, const int b);
@@ -437,7 +355,7 @@ static __attribute__((noinline)) INT whole_signs(const Geometry geometry, const 
     PathLanes lanes;
     STORE_LANES(number, each);
     STORE_LANES(unsure, left);
-    store_path(&lanes, path);
+    store_path(&lanes, geometry, path);
     for (int lane = 0; lane < W; lane++) {
         sign[lane] = 0;
         if (!left[lane]) continue;
@@ -455,26 +373,17 @@ static __attribute__((noinline)) INT whole_signs(const Geometry geometry, const 
 /* N and D of a triangle as seen from a start. */
 static __attribute__((noinline)) void whole_plane(Integer *N, Integer *D, const WholeStart start, const real4 *corner,
                                                   const int n) {
-    Integer a[3], e1[3], e2[3], negative;
+    Integer a[3], e1[3], e2[3];
     for (int i = 0; i < 3; i++) {
         whole_offset(&a[i], start, corner[0], i, n);
         whole_offset(&e1[i], start, corner[1], i, n);
         whole_offset(&e2[i], start, corner[2], i, n);
-        negative = a[i];
-        negate(&negative, n);
-        add(&e1[i], &negative, n);
-        add(&e2[i], &negative, n);
+        add(&e1[i], -1, &a[i], n);
+        add(&e2[i], -1, &a[i], n);
     }
+    whole_cross(N, e1, e2, n);
     set_to(D, 0, 0, n);
-    for (int i = 0; i < 3; i++) {
-        const int j = (i + 1) % 3, k = (i + 2) % 3;
-        negative = e1[k];
-        negate(&negative, n);
-        set_to(&N[i], 0, 0, n);
-        add_product(&N[i], &e1[j], &e2[k], n);
-        add_product(&N[i], &negative, &e2[j], n);
-        add_product(D, &a[i], &N[i], n);
-    }
+    for (int i = 0; i < 3; i++) add_product(D, &a[i], &N[i], n);
 }
 
 /* The sign of w.Q, and of Q where that is 0, see plane_comes_first(). corner: the three of A, then those of B. */
@@ -493,16 +402,12 @@ static __attribute__((noinline)) int whole_order(const Geometry geometry, WholeS
     negate(&D[1], n);
     set_to(&volume, 0, 0, n);
     for (int i = 0; i < 3; i++) {
-        set_to(&Q[i], 0, 0, n);
-        add_product(&Q[i], &D[0], &N[1][i], n);
+        multiply(&Q[i], &D[0], &N[1][i], n);
         add_product(&Q[i], &D[1], &N[0][i], n);
         whole_turned(&w, geometry, way, i, B.low, d.low, n);
         add_product(&volume, &Q[i], &w, n);
     }
-    if (sign_of(&volume, n) != 0) return sides * sign_of(&volume, n);
-    for (int i = 0; i < 3; i++)
-        if (sign_of(&Q[i], n) != 0) return sides * sign_of(&Q[i], n);
-    return 0;
+    return sides * first_sign_of(&volume, Q, n);
 }
 
 /* Whether two triangles are in one plane for a reason that needs no whole numbers: a plane across an axis. */
@@ -590,7 +495,7 @@ static __attribute__((noinline)) INT whole_orders(const Geometry geometry, const
     STORE_LANES(A, one);
     STORE_LANES(B, two);
     STORE_LANES(unsure, left);
-    store_path(&lanes, path);
+    store_path(&lanes, geometry, path);
     for (int lane = 0; lane < W; lane++) {
         sign[lane] = 0;
         if (!left[lane] || share_a_plane(geometry, one[lane], two[lane])) continue;
@@ -602,6 +507,12 @@ static __attribute__((noinline)) INT whole_orders(const Geometry geometry, const
     return LOAD_LANES(sign);
 }
 
+/* The sign of the first number of v that is not within its error of 0. */
+static REAL first_sign_within(const Pair3 v, const REAL error) {
+    const REAL x = sign_from(v.x.hi, error), y = sign_from(v.y.hi, error);
+    return x != 0 ? x : y != 0 ? y : sign_from(v.z.hi, error);
+}
+
 /* The sign of E of the edge between two corners, X and Y, as seen from O in X and Y. Both triangles at an edge compute
  * it from the same end, so they never disagree.
  *
@@ -609,21 +520,19 @@ static __attribute__((noinline)) INT whole_orders(const Geometry geometry, const
  * with e the sum of the magnitudes of Y - X, and E by less than 2^-97 s e w1. */
 static __attribute__((noinline)) REAL edge_sign(const Geometry geometry, const FinePath path, const INT number,
                                                 const int from, const int to, const REAL_MASK wanted) {
-    const Real3 x = corners_of(geometry, number, (INT)from), y = corners_of(geometry, number, (INT)to);
+    const Corners corners = corners_at(geometry.vertex, geometry.face, number);
+    const Real3 corner[3] = {corners.a, corners.b, corners.c}, x = corner[from], y = corner[to];
     const REAL_MASK flip = (y.x < x.x) | ((y.x == x.x) & ((y.y < x.y) | ((y.y == x.y) & (y.z < x.z))));
-    const Real3 X = {flip ? y.x : x.x, flip ? y.y : x.y, flip ? y.z : x.z};
-    const Real3 Y = {flip ? x.x : y.x, flip ? x.y : y.y, flip ? x.z : y.z};
-    const Pair3 P = minus3(pairs_between(path.anchor, X), path.step), e = pairs_between(X, Y), n = cross_pairs(P, e);
-    const Pair E = dot_pairs(path.w, n);
-    const REAL s = (fabs(P.x.hi) + fabs(P.y.hi)) + fabs(P.z.hi) + path.reach;
-    const REAL size = s * ((fabs(e.x.hi) + fabs(e.y.hi)) + fabs(e.z.hi)), n_error = 0x1p-98 * size;
-    const REAL E_error = 0x1p-97 * size * path.w1;
+    const Real3 X = chosen(flip, y, x), Y = chosen(flip, x, y);
+    const Pair3 P = minus3(pairs_between(path.ray.center, X), path.fine.step), e = pairs_between(X, Y);
+    const Pair3 n = cross_pairs(P, e);
+    const Pair E = dot_pairs(path.fine.w, n);
+    const REAL size = (size_of_pairs(P) + path.ray.reach) * size_of_pairs(e), n_error = 0x1p-98 * size;
+    const REAL E_error = 0x1p-97 * size * path.ray.w1;
     REAL sign = sign_from(E.hi, E_error);
     const REAL_MASK tie = wanted & (sign == 0);
     if (ANY(TO_MASK(tie))) {
-        const REAL along_x = sign_from(n.x.hi, n_error), along_y = sign_from(n.y.hi, n_error);
-        const REAL along_z = sign_from(n.z.hi, n_error);
-        REAL first = along_x != 0 ? along_x : along_y != 0 ? along_y : along_z;
+        REAL first = first_sign_within(n, n_error);
         const MASK unsure = TO_MASK(tie & path.whole);
         if (HAS(WITH_RAYS) && ANY(TO_MASK(tie & !path.whole))) mark_undecided(geometry);
         if (ANY(unsure)) {
@@ -646,13 +555,8 @@ typedef struct {
 static FinePlane fine_plane(const Geometry geometry, const FinePath path, const INT number) {
     const Corners corners = corners_at(geometry.vertex, geometry.face, number);
     const Pair3 e1 = pairs_between(corners.a, corners.b), e2 = pairs_between(corners.a, corners.c);
-    const Pair3 A = minus3(pairs_between(path.anchor, corners.a), path.step);
-    FinePlane plane;
-    plane.N = cross_pairs(e1, e2);
-    plane.D = dot_pairs(A, plane.N);
-    plane.s = (fabs(A.x.hi) + fabs(A.y.hi)) + fabs(A.z.hi) + path.reach;
-    plane.gh = ((fabs(e1.x.hi) + fabs(e1.y.hi)) + fabs(e1.z.hi)) * ((fabs(e2.x.hi) + fabs(e2.y.hi)) + fabs(e2.z.hi));
-    return plane;
+    const Pair3 A = minus3(pairs_between(path.ray.center, corners.a), path.fine.step), N = cross_pairs(e1, e2);
+    return (FinePlane){N, dot_pairs(A, N), size_of_pairs(A) + path.ray.reach, size_of_pairs(e1) * size_of_pairs(e2)};
 }
 
 /* Which of two triangles that a ray meets at one t, as far as pairs can tell, comes first, for the lanes of `wanted`.
@@ -668,10 +572,7 @@ static __attribute__((noinline)) REAL_MASK plane_comes_first(const Geometry geom
     const FinePlane a = fine_plane(geometry, path, A), b = fine_plane(geometry, path, B);
     const REAL sides = (a.D.hi < 0) ^ (b.D.hi < 0) ? (REAL)-1 : (REAL)1;
     const REAL error = 0x1p-95 * (a.s + b.s) * (a.gh * b.gh);
-    const REAL x = sign_from(minus(times(a.D, b.N.x), times(b.D, a.N.x)).hi, error);
-    const REAL y = sign_from(minus(times(a.D, b.N.y), times(b.D, a.N.y)).hi, error);
-    const REAL z = sign_from(minus(times(a.D, b.N.z), times(b.D, a.N.z)).hi, error);
-    REAL first = sides * (x != 0 ? x : y != 0 ? y : z);
+    REAL first = sides * first_sign_within(minus3(times3(a.D, b.N), times3(b.D, a.N)), error);
     const MASK exact = TO_MASK(wanted & path.whole);
     if (HAS(WITH_RAYS) && ANY(TO_MASK(wanted & !path.whole))) mark_undecided(geometry);
     if (ANY(exact)) {
@@ -683,8 +584,8 @@ static __attribute__((noinline)) REAL_MASK plane_comes_first(const Geometry geom
 
 /* t of each lane's ray in a triangle's plane, in pairs, with a bound of what it is off by. */
 static FineT fine_t_in(const FinePlane plane, const FinePath path) {
-    const Pair den = dot_pairs(plane.N, path.w);
-    const REAL D_error = 0x1p-97 * plane.s * plane.gh, den_error = 0x1p-97 * path.w1 * plane.gh;
+    const Pair den = dot_pairs(plane.N, path.fine.w);
+    const REAL D_error = 0x1p-97 * plane.s * plane.gh, den_error = 0x1p-97 * path.ray.w1 * plane.gh;
     FineT at;
     at.t = over(plane.D, den);
     at.error = 2 * fabs(at.t.hi) * (D_error / fabs(plane.D.hi) + den_error / fabs(den.hi) + 0x1p-97);
@@ -719,32 +620,15 @@ static __attribute__((noinline)) FineTriangle fine_triangle(const Geometry geome
 }
 
 static FinePath fine_path(const Geometry geometry, const Leaving ray) {
-    const MASK here = IS_TRIANGLE(geometry, ray.own);
-    const INT own = ray.own - (here ? (INT)FIRST_TRIANGLE(geometry) : (INT)0);
-    const REAL_MASK placed = TO_REAL_MASK((ray.own == -1) | here);
-    const FinePath path = {ray.center,
-                           fine_start(geometry, ray),
-                           pairs_in_world(geometry, ray.d),
-                           ray.reach,
-                           ray.w1,
-                           HAS(WITH_RAYS) ? (REAL_MASK)(ray.r >= 0) : placed,
-                           placed,
-                           ray.d,
-                           ray.q,
-                           own};
-    return path;
+    const REAL_MASK placed = TO_REAL_MASK((ray.own == -1) | IS_TRIANGLE(geometry, ray.own));
+    const REAL_MASK whole = HAS(WITH_RAYS) ? (REAL_MASK)(ray.r >= 0) : placed;
+    return (FinePath){ray, pair_ray(geometry, ray), whole, placed};
 }
 
 /* Lanes whose t is not right to 2^-24 of itself by double, and such in which it is unsure whether they meet at all. */
 static __attribute__((noinline)) FineTriangle fine_meeting_of(const Geometry geometry, const Leaving ray,
                                                               const INT number, const REAL_MASK wanted) {
     return fine_triangle(geometry, fine_path(geometry, ray), number, wanted);
-}
-
-/* The same of rays from the eye. */
-static __attribute__((noinline)) FineTriangle fine_meeting_from_eye(const Geometry *geometry, const EyeRay *ray,
-                                                                    const INT number, const REAL_MASK wanted) {
-    return fine_meeting_of(*geometry, from_eye(*geometry, *ray), number, wanted);
 }
 
 /* Puts the way from the corner to the point that rays leave into the lanes that leave triangles. */
@@ -760,23 +644,12 @@ static MASK known_in_one_plane(const Geometry geometry, const INT A, const INT B
 #endif
 
 /* Where a point q of each lane's triangle is: k = q.z is the corner that it is counted from, u = q.x counts the way
- * from there to the next corner and v = q.y that to the one after. */
-static Place3 place_on(const Corners corners, const Real3 q) {
-    const REAL_MASK first = q.z == 0, second = q.z == 1;
-    Place3 place;
-    place.anchor = choose3(first, second, corners.a, corners.b, corners.c);
-    const Real3 x = difference(choose3(first, second, corners.b, corners.c, corners.a), place.anchor);
-    const Real3 y = difference(choose3(first, second, corners.c, corners.a, corners.b), place.anchor);
-    place.step.x = q.x * x.x + q.y * y.x;
-    place.step.y = q.x * x.y + q.y * y.y;
-    place.step.z = q.x * x.z + q.y * y.z;
-    place.reach = size_of(x) + size_of(y);
-    return place;
-}
-
-/* The same of the lanes whose surface is a triangle. */
+ * from there to the next corner and v = q.y that to the one after. Of lanes whose surface is a triangle. */
 static __attribute__((always_inline)) Place3 places_of(const Geometry geometry, const INT index, const Real3 q) {
-    return place_on(corners_at(geometry.vertex, geometry.face, TRIANGLE_OR_NONE(geometry, index)), q);
+    const INT number = TRIANGLE_OR_NONE(geometry, index);
+    const Corners c = turned_corners(corners_at(geometry.vertex, geometry.face, number), q);
+    const Real3 x = difference(c.b, c.a), y = difference(c.c, c.a);
+    return (Place3){c.a, sum3(scaled(x, q.x), scaled(y, q.y)), size_of(x) + size_of(y)};
 }
 
 /* What is read of triangles. light: the number of a light, -1: the eye. */
@@ -787,10 +660,6 @@ static void triangle_fetch(const Scene *scene, const int light, const int index)
     FETCH(facets, 3 * (long)number);
     FETCH(facets, 3 * (long)number + 2);
     FETCH(scene->geometry.face, number);
-}
-
-static void triangle_fetch_first(const Scene *scene, const int light, const int index) {
-    FETCH(scene->light_facet, 3 * ((long)light * scene->triangles + (index - FIRST_TRIANGLE(scene->geometry))));
 }
 
 static void triangle_fetch_leaf(const Scene *scene, const int leaf) {
