@@ -81,12 +81,13 @@ class CellMembers(NamedTuple):
         for a, b, c in self.lines:
             # The corner of a cell of that level for which the value is largest is so many cells of level 0 further.
             c = c + (2.0**level - 1) * (np.maximum(a, 0) + np.maximum(b, 0))
-            over = -1 / np.where(a == 0, 2.0**-1000, a * 2.0**level)
-            with np.errstate(over="ignore"):
+            over = -1 / np.where(np.abs(a) < 2.0**-900, 2.0**-900, a * 2.0**level)
+            rises = (a > -(2.0**-900))[of]
+            # What overflows to a NaN cuts nothing off.
+            with np.errstate(over="ignore", invalid="ignore"):
                 limit = (c * over)[of] + (b * 2.0**level * over)[of] * down
-            rises = (a >= 0)[of]
-            np.maximum(least, limit, out=least, where=rises)
-            np.minimum(most, limit, out=most, where=~rises)
+                np.fmax(least, limit, out=least, where=rises)
+                np.fmin(most, limit, out=most, where=~rises)
         begin[some], end[some] = np.ceil(least), np.floor(most)
         there = np.flatnonzero(begin <= end)
         which, begin, end = order[which[there]], begin[there], end[there]
