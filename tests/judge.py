@@ -84,7 +84,7 @@ def roots(v: Vector, w: Vector, r: Any) -> list[Any]:
 
 
 @dataclass(frozen=True)
-class Rod:
+class Cylinder:
     """A solid cylinder with flat ends: |(p - S) x u| <= r |u| and 0 <= (p - S).u <= u.u, with u = end - start."""
 
     start: Sequence[float]
@@ -142,7 +142,7 @@ class Flat:
         return [1 / dot(n, w)] if len(sides) == 1 else []
 
 
-Surface = Ball | Rod | Flat
+Surface = Ball | Cylinder | Flat
 Named = tuple[int, int, Surface]
 
 
@@ -153,7 +153,9 @@ def surfaces_of(scene: Any) -> list[Named]:
         K = scene.to_object[one["to_object"]].tolist() if one["to_object"] >= 0 else None
         found.append((number, -1, Ball(one["center"].tolist(), float(one["radius"]), K)))
     for one in scene.cylinders:
-        found.append((int(one["number"]), -1, Rod(one["start"].tolist(), one["end"].tolist(), float(one["radius"]))))
+        found.append(
+            (int(one["number"]), -1, Cylinder(one["start"].tolist(), one["end"].tolist(), float(one["radius"])))
+        )
     for mesh in scene.meshes:
         corners = mesh.vertices[mesh.geometry.faces].tolist()
         found += [(mesh.number, i, Flat(three)) for i, three in enumerate(corners)]

@@ -173,9 +173,9 @@ def test_the_judge_finds_mistakes() -> None:
     assert judge.first(two[:1], (float(np.nextafter(1, 2)), 0, 0), (0, 0, -1))[0] == -1
     square = [judge.Flat(((-1, -1, -1), (1, -1, -1), (1, 1, -1))), judge.Flat(((-1, -1, -1), (1, 1, -1), (-1, 1, -1)))]
     assert [judge.first(square, (0, 0, 0), (x, 0, -1))[0] for x in (0, 1e-300, -1e-300)] == [0, 0, 1]
-    rod = judge.Rod((0, 0, -3), (0, 0, -2), 1.0)
-    assert judge.first([rod], (0, 0, 0), (0, 0, -1)) == (0, 2)
-    assert judge.first([rod], (1, 0, 0), (0, 0, -1)) == (0, 2)
+    cylinder = judge.Cylinder((0, 0, -3), (0, 0, -2), 1.0)
+    assert judge.first([cylinder], (0, 0, 0), (0, 0, -1)) == (0, 2)
+    assert judge.first([cylinder], (1, 0, 0), (0, 0, -1)) == (0, 2)
     assert judge.between(two, (0, 0, 0), (0, 0, -5), parallel=False)
     assert not judge.between(two[:1], (0, 0, 0), (0, 0, -4), parallel=False)
     assert judge.is_rounded(0.1, mpmath.mpf(1) / 10)
