@@ -57,18 +57,8 @@ class Clipping:
             return cls(np.zeros((0, 3)), np.zeros((0, 3)), *(np.zeros(0, np.int32),) * 2, solids=0)
         _, exponent = np.frexp(np.abs(planes["normal"]).max(axis=1))
         normal = -np.ldexp(planes["normal"], 1 - exponent[:, None])
-        closed = [mesh for mesh in scene.meshes if mesh.clipped and mesh.geometry.closed]
-        number = {mesh.number: i for i, mesh in enumerate(closed, 1)}
-        solid = np.zeros(1 + max((mesh.number for mesh in scene.meshes), default=0), np.int32)
-        for mesh in scene.meshes:
-            solid[mesh.number] = number.get(mesh.number, 0) if mesh.clipped else -1
-        spheres, cylinders, meshes = shapes
-        parts = [
-            np.zeros(len(spheres.row), np.int32),
-            -scene.cylinders["unclipped"].take(cylinders.row),
-            solid.take(meshes.number),
-        ]
-        return cls(planes["point"], normal, planes["material"], np.concatenate(parts).astype(np.int32), len(closed))
+        solid_of = np.concatenate([shape.solid_of(scene) for shape in shapes]).astype(np.int32)
+        return cls(planes["point"], normal, planes["material"], solid_of, int(solid_of.max(initial=0)))
 
     def arrays(self, real: np.dtype[Any], exponent: int | None, paths: Paths | None) -> Arrays:
         """The kernel's buffers by name. exponent: of the float buffers, where `real` is float; else None."""

@@ -17,10 +17,12 @@ import pyopencl as cl
 from cltrace.base.errors import BuildError, warnings_are
 from cltrace.base.waiting import aside
 from cltrace.plan import opencl
+from cltrace.plan.abi import SHAPES
 from cltrace.run.caches import ROOM, largest_file, mend_kernels
 from cltrace.run.devices import Device
 
-# In this order; "abi" stands for the header that is made from the table of plan/abi.py.
+# In this order; "abi" stands for the header that is made from the table of plan/abi.py. Others are made of parts of the
+# first shape, the sphere, which therefore has more files.
 SOURCES = (
     "packet.cl",
     "abi",
@@ -32,23 +34,18 @@ SOURCES = (
     "shapes/sphere/meet.cl",
     "shapes/start.cl",
     "shapes/sphere/leaving.cl",
-    "shapes/cylinder/cylinder.cl",
-    "shapes/triangle/triangle.cl",
+    *(f"shapes/{shape}/{shape}.cl" for shape in [*SHAPES][1:]),
     "find/cells.cl",
     "find/closest.cl",
     "find/leaves.cl",
-    "shapes/sphere/eye.cl",
-    "shapes/cylinder/eye.cl",
-    "shapes/triangle/eye.cl",
+    *(f"shapes/{shape}/eye.cl" for shape in SHAPES),
     "shapes/dispatch.cl",
     "find/range.cl",
     "find/tree.cl",
     "lights.cl",
     "shade/phong.cl",
     "shade/materials.cl",
-    "shapes/sphere/surface.cl",
-    "shapes/cylinder/surface.cl",
-    "shapes/triangle/surface.cl",
+    *(f"shapes/{shape}/surface.cl" for shape in SHAPES),
     "find/stopped.cl",
     "shade/points.cl",
     "shade/tree_of_rays.cl",

@@ -86,7 +86,7 @@ class RayTracer:
         self.number, triangles = arrays["id_of"], shapes[-1].number
         self.primitive = np.full(first, -1, np.int32)
         self.primitive[first - len(triangles) :] = arrays["number_of"]
-        sizes = _sizes(shapes)
+        sizes = np.concatenate([shape.sizes for shape in shapes])
         self.moderate = bool(((sizes >= MODERATE[0]) & (sizes <= MODERATE[1])).all())
         with driver_errors(device), Announcement("compiling the kernel ..."):
             self._queue: Any = cl.CommandQueue(context_of(device.cl))
@@ -165,11 +165,3 @@ class RayTracer:
             candidate = mapped[undecided]
             mapped.base.release(self._queue)
         return results | {"candidate": candidate}
-
-
-def _sizes(shapes: tuple[Any, ...]) -> Array:
-    """Radii and lengths of all surfaces but triangles, whose bounds hold at any size."""
-    spheres, cylinders = shapes[0], shapes[1]
-    axes = np.abs(cylinders.end - cylinders.start).max(axis=1, initial=0)
-    maps = np.array([spheres.maps.longest, 1 / spheres.maps.shortest]) if spheres.maps else np.ones(1)
-    return np.concatenate([spheres.radius, cylinders.radius, axes, np.ravel(maps)])

@@ -43,6 +43,13 @@ class Balls(ShapePacking):
     def material(self, scene: cltrace.Scene) -> Any:
         return np.zeros(MORE, np.int32)
 
+    def solid_of(self, scene: cltrace.Scene) -> Any:
+        return np.zeros(MORE, np.int32)
+
+    @property
+    def sizes(self) -> Any:
+        return RADIUS[-MORE:]
+
     def values(self, first: int) -> dict[str, Any]:
         return {"first_ball": first}
 
@@ -93,4 +100,4 @@ def test_another_row_is_listed_as_spheres_are(camera: Any, meshes: int, monkeypa
         assert found.arrays[name].tobytes() == expected.arrays[name].tobytes(), name
     assert len(found.arrays["ball"]) == MORE
     assert found.values["first_ball"] == 60 - MORE
-    assert found.values["first"] == expected.values["first"]
+    assert found.values["first_triangle"] == expected.values["first_triangle"]

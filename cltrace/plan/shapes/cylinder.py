@@ -63,6 +63,13 @@ class CylinderPacking(ShapePacking):
     def material(self, scene: Scene) -> Ints:
         return self.of_material
 
+    def solid_of(self, scene: Scene) -> Ints:
+        return -scene.cylinders["unclipped"].take(self.row)
+
+    @property
+    def sizes(self) -> Array:
+        return np.concatenate([self.radius, np.abs(self.end - self.start).max(axis=1, initial=0)])
+
     def values(self, first: int) -> dict[str, Any]:
         return {"first_cylinder": first, "cylinders": len(self.radius)}
 

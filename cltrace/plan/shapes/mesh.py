@@ -382,6 +382,18 @@ class MeshPacking(ShapePacking):
     def material(self, scene: Scene) -> Ints:
         return self.triangles.material
 
+    def solid_of(self, scene: Scene) -> Ints:
+        closed = [mesh.number for mesh in scene.meshes if mesh.clipped and mesh.geometry.closed]
+        number = {mesh: i for i, mesh in enumerate(closed, 1)}
+        solid = np.zeros(1 + max((mesh.number for mesh in scene.meshes), default=0), np.int32)
+        for mesh in scene.meshes:
+            solid[mesh.number] = number.get(mesh.number, 0) if mesh.clipped else -1
+        return solid.take(self.number)
+
+    @property
+    def sizes(self) -> Array:
+        return np.zeros(0)  # bounds of triangles hold at any size
+
     def values(self, first: int) -> dict[str, Any]:
         return {"first_triangle": first, "triangles": len(self.triangles.face)}
 

@@ -88,6 +88,15 @@ class ShapePacking(ABC):
         """(n,): the index in the scene of each one's material."""
 
     @abstractmethod
+    def solid_of(self, scene: Scene) -> Ints:
+        """(n,): what abi.py has of that name, where planes clip the scene."""
+
+    @property
+    @abstractmethod
+    def sizes(self) -> Array:
+        """Radii and lengths, in scene units, that the bounds of errors of single rays depend on."""
+
+    @abstractmethod
     def values(self, first: int) -> dict[str, Any]:
         """The kernel's arguments by name. first: the index of the first one as a surface."""
 

@@ -258,6 +258,14 @@ class SpherePacking(ShapePacking):
         of = scene.columns.material
         return self.row if of is None else gathered(of, self.row, (len(self.row),), np.int32)
 
+    def solid_of(self, scene: Scene) -> Ints:
+        return np.zeros(len(self.row), np.int32)
+
+    @property
+    def sizes(self) -> Array:
+        stretched = (self.maps.longest, 1 / self.maps.shortest) if self.maps else ()
+        return np.concatenate([self.radius, *map(np.ravel, stretched)])
+
     def values(self, first: int) -> dict[str, Any]:
         return {"count": len(self.radius)}
 
