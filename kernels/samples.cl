@@ -179,8 +179,8 @@ static Outlook outlook_of(const Frame frame, const Scene *scene, const Packet pa
     return view;
 }
 
-/* What is known of rays: red, green and blue in parts of ONE; of the surface that they meet a number, see touches.cl,
- * -1 for none; what they have met on their way, and in the last bit whether uneven texels; the bits of t, rounded up,
+/* What is known of rays: red, green and blue in parts of ONE; of the surface that they meet a number, -1 for
+ * none; what they have met on their way, and in the last bit whether uneven texels; the bits of t, rounded up,
  * in the float buffers' unit; whether one took too many rays. */
 enum { RED, GREEN, BLUE, OBJECT, MET, FAR, LATE, FINDINGS };
 typedef struct {
