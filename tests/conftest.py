@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import functools
+import os
 import signal
+import subprocess
+import sys
 import zlib
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pytest
@@ -15,6 +19,17 @@ from cltrace.run import pack
 from cltrace.run.devices import Device
 
 SCENES = sorted((Path(__file__).parent.parent / "scenes").glob("*.xml"))
+LIMITED = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[1]) << 20,) * 2)
+from cltrace.formats.{0} import read_{0} as read
+for name in sys.argv[2:]:
+    try:
+        read(name)
+        print("read")
+    except Exception as error:
+        print(type(error).__name__, error)
+"""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -97,3 +112,24 @@ def even_few_are_packed(monkeypatch: pytest.MonkeyPatch) -> None:
 def world(scene: cltrace.Scene) -> reference.World:
     """The reference's view of a scene, made once."""
     return reference.world_of(scene)
+
+
+@pytest.fixture
+def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The test runs in a folder of its own."""
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+
+
+@pytest.fixture
+def limited() -> Callable[[str, int, Iterable[str]], list[str]]:
+    """What a process with so many megabytes of addresses says of files of a kind, "obj" or "texture", a line each."""
+
+    def read(kind: str, megabytes: int, names: Iterable[str]) -> list[str]:
+        command = [sys.executable, "-c", LIMITED.format(kind), str(megabytes), *names]
+        env = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=60, check=True)
+        assert done.stderr == ""
+        return done.stdout.splitlines()
+
+    return read

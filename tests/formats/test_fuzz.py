@@ -32,10 +32,7 @@ from cltrace.students.check import check
 SECONDS, MEGABYTES = 5.0, 1000  # that a file may take
 
 
-@pytest.fixture(autouse=True)
-def _in_its_own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "here").mkdir()
-    monkeypatch.chdir(tmp_path / "here")
+pytestmark = pytest.mark.usefixtures("own_folder")
 
 
 def write(files: Files) -> None:

@@ -20,6 +20,8 @@ from cltrace.formats.files import UnreadableError
 from cltrace.formats.obj import Obj, read_obj
 from cltrace.scene import Geometry
 
+pytestmark = pytest.mark.usefixtures("own_folder")
+
 FIELDS = ("vertices", "faces", "normals", "normal_of", "uv", "uv_of")
 CUBE_CORNER = """\
 v 0 0 0

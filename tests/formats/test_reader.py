@@ -26,6 +26,8 @@ from cltrace.formats.surfaces import cos_sin
 from cltrace.scene import CYLINDER, MATERIAL, SPHERE, Camera, Scene
 from cltrace.scene import camera as eye
 
+pytestmark = pytest.mark.usefixtures("own_folder")
+
 SCENE = """\
 <?xml version="1.0" standalone="no" ?>
 <!DOCTYPE scene SYSTEM "scene.dtd">

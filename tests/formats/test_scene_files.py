@@ -20,6 +20,8 @@ from cltrace.formats import files, obj, reader, surfaces, texture
 from cltrace.formats.reader import read
 from cltrace.scene import Scene
 
+pytestmark = pytest.mark.usefixtures("own_folder")
+
 HEAD = """\
 <scene output_file="x.png">
   <background_color r="0" g="0" b="0"/>

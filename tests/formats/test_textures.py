@@ -18,6 +18,8 @@ from cltrace.formats import texture
 from cltrace.formats.files import UnreadableError
 from cltrace.formats.texture import read_texture
 
+pytestmark = pytest.mark.usefixtures("own_folder")
+
 RGB = np.random.default_rng(5).integers(0, 256, (5, 7, 3), np.uint8)
 GREY = np.repeat(RGB[:, :, :1], 3, axis=2)
 DEEP = np.array([[0, 1, 255, 256], [4096, 32767, 32768, 65535]], np.uint16)
