@@ -41,7 +41,7 @@ PIXELS = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)
 
 
 @pytest.fixture(autouse=True)
-def _files(_in_its_own_folder: None) -> None:
+def _files(own_folder: None) -> None:
     Path("sub").mkdir()
     for name, text in (("a.obj", TRIANGLE), ("sub/b.obj", TWO)):
         Path(name).write_text(text)
