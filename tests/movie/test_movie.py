@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import chdir
 from dataclasses import replace
 from pathlib import Path
@@ -74,21 +74,6 @@ def test_orbit_goes_round_what_is_looked_at() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ((0,), "n: must be a whole number >= 1, got 0"),
-        ((2.5,), "n: must be a whole number >= 1, got 2.5"),
-        ((2, "w"), "axis: must be x, y, z or three numbers, got 'w'"),
-        ((2, (0, 0, 0)), "axis: must have a length"),
-        ((2, None, float("nan")), "degrees: must be a finite number, got nan"),
-    ],
-)
-def test_orbit_refuses(arguments: tuple[Any, ...], message: str) -> None:
-    with pytest.raises(ValueError, match=re.escape(message)):
-        cltrace.orbit(scene_of(), *arguments)
-
-
-@pytest.mark.parametrize(
     ("text", "numbers"),
     [("2:5", [2, 3, 4]), (":3", [0, 1, 2]), ("7:", [7, 8, 9]), ("1::4", [1, 5, 9]), ("3", [3]), (":", list(range(10)))]
     + [(text, None) for text in ("", "-1:3", "1:2:0", "5:5", "6:2", "a", "1:2:3:4", "1.5", "9" * 12)],
@@ -117,29 +102,6 @@ def test_frames_follow_from_each_other() -> None:
     assert (shown[5].materials["color"] == (1, 0, 0)).all()
     picked = [frame.scene for frame in frames_of(items, first, slice(2, 3))]
     assert np.array_equal(picked[0].spheres, shown[2].spheres)
-
-
-@pytest.mark.parametrize(
-    ("items", "error", "message"),
-    [
-        ([CAMERA], TypeError, "frames[0]: must be a Scene, since there is no scene=..."),
-        ([scene_of(), 7], TypeError, "frames[1]: must be a Scene, a Camera, or a dict of what update() takes, got 7"),
-        ([scene_of(), {"center": 1}], ValueError, "frames[1]: must be of camera, centers, radii"),
-        ([scene_of(), {"radii": -1}], ValueError, "frames[1]: radii: must be > 0, got -1"),
-        (
-            [scene_of(), {"camera": 3}],
-            TypeError,
-            "frames[1]: camera: must be a cltrace.Camera or Orthographic, got 3",
-        ),
-        *(
-            (one, TypeError, "frames: must be a list, or another iterable, of Scenes, ")
-            for one in (CAMERA, {"a": 1}, 3)
-        ),
-    ],
-)
-def test_frames_that_are_none(items: list[Any], error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=re.escape(message)):
-        list(cltrace.animate(items))
 
 
 @pytest.mark.parametrize("many", [pack.MANY, pytest.param(0, marks=pytest.mark.slow)])
@@ -192,6 +154,43 @@ def test_an_iterator_takes_what_it_needs() -> None:
     assert taken == 2
 
 
+def orbit(*arguments: Any) -> list[Any]:
+    return cltrace.orbit(scene_of(), *arguments)
+
+
+def movie(items: Any, *output: str, **options: Any) -> list[Any]:
+    return list(cltrace.animate(items, *output, **options))
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: orbit(0), ValueError, "n: must be a whole number >= 1, got 0"),
+        (lambda: orbit(2.5), ValueError, "n: must be a whole number >= 1, got 2.5"),
+        (lambda: orbit(2, "w"), ValueError, "axis: must be x, y, z or three numbers, got 'w'"),
+        (lambda: orbit(2, (0, 0, 0)), ValueError, "axis: must have a length"),
+        (lambda: orbit(2, None, float("nan")), ValueError, "degrees: must be a finite number, got nan"),
+        (lambda: movie([CAMERA]), TypeError, "frames[0]: must be a Scene, since there is no scene=..."),
+        (lambda: movie([7], scene=scene_of()), TypeError, "frames[0]: must be a Scene, a Camera, or a dict of what"),
+        (lambda: movie([scene_of(), {"a": 1}]), ValueError, "frames[1]: must be of camera, centers, radii"),
+        (lambda: movie([scene_of(), {"radii": -1}]), ValueError, "frames[1]: radii: must be > 0, got -1"),
+        (lambda: movie([scene_of(), {"camera": 3}]), TypeError, "frames[1]: camera: must be a cltrace.Camera or Ortho"),
+        (lambda: movie(CAMERA), TypeError, "frames: must be a list, or another iterable, of Scenes, "),
+        (lambda: movie({"a": 1}), TypeError, "frames: must be a list, or another iterable, of Scenes, "),
+        (lambda: movie([], "%d.png"), ValueError, "frames: must be at least one, got none"),
+        (lambda: movie(iter(()), "%d.png"), ValueError, "frames: must be at least one, got none"),
+        (lambda: movie([scene_of()], "no/%d.png"), FileNotFoundError, "output: there is no folder"),
+        (lambda: movie([scene_of()], "m.gif", skip_existing=True), ValueError, "skip_existing: is for frames of files"),
+        (lambda: movie([scene_of()], skip_existing=True), ValueError, "skip_existing: there is nothing to skip"),
+        (lambda: movie([scene_of()], "%d.png", skip_existing=True, each=print), ValueError, "skip_existing: does not"),
+    ],
+)
+def test_what_is_refused(call: Callable[[], Any], error: type[Exception], message: str, tmp_path: Path) -> None:
+    with chdir(tmp_path), pytest.raises(error, match=re.escape(message)):
+        call()
+    assert not list(tmp_path.iterdir())
+
+
 # Where they go.
 
 
@@ -204,6 +203,9 @@ def test_an_iterator_takes_what_it_needs() -> None:
         ("{}-%02d.png", ["a%d-00.png", "a%d-12.png"]),
         ("m.MP4", ["m.MP4", "m.MP4"]),
         (".", ["a%d0000.png", "a%d0012.png"]),
+        ("100%.png", ["100%.png"]),
+        ("{}.png", ["a%d.png"]),
+        (".", ["a%d.png"]),
         ("", "must not be empty"),
         ("f.png", "must have a %04d for the number of a frame, such as frame%04d.png, got 'f.png'"),
         ("f%04d%04d.png", "must have one %d or %04d"),
@@ -214,20 +216,14 @@ def test_an_iterator_takes_what_it_needs() -> None:
     ],
 )
 def test_names(output: str, names: list[str] | str, tmp_path: Path) -> None:
-    """The names of frames 0 and 12, or what is wrong with the output."""
+    """The names of frames 0 and 12, or of one picture, or what is wrong with the output."""
     with chdir(tmp_path):
         if isinstance(names, str):
             with pytest.raises(ValueError, match=re.escape(names)):
                 cltrace.animate([scene_of()], output)
         else:
-            pattern = pattern_of(output, "a%d", True)
-            assert [pattern.of(number) for number in (0, 12)] == names
-
-
-@pytest.mark.parametrize(("output", "name"), [("{}.png", "a%d.png"), ("100%.png", "100%.png"), (".", "a%d.png")])
-def test_names_of_one_picture(output: str, name: str, tmp_path: Path) -> None:
-    with chdir(tmp_path):
-        assert pattern_of(output, "a%d", False).of(0) == name
+            pattern = pattern_of(output, "a%d", len(names) > 1)
+            assert [pattern.of(number) for number in (0, 12)[: len(names)]] == names
 
 
 def test_files(tmp_path: Path) -> None:
@@ -238,11 +234,6 @@ def test_files(tmp_path: Path) -> None:
     for name, camera in zip(names, cameras, strict=True):
         assert np.array_equal(pixels(name), cltrace.render(scene.seen_by(camera), truncate=True).rgb8)
     assert listed(tmp_path) == ["f00.png", "f01.png", "f02.png"]
-    for none in ([], iter(())):
-        with pytest.raises(ValueError, match=r"^frames: must be at least one, got none$"):
-            cltrace.animate(none, tmp_path / "g%d.png", scene=scene)
-    with pytest.raises(FileNotFoundError, match="there is no folder"):
-        cltrace.animate(cameras, tmp_path / "no" / "f%d.png", scene=scene)
 
 
 def test_each_draws_on_frames(tmp_path: Path) -> None:
@@ -271,8 +262,6 @@ def test_each_draws_on_frames(tmp_path: Path) -> None:
     # A file that something was drawn on does not say that it shows the scene.
     cltrace.animate(cameras, tmp_path / "f%d.png", scene=scene, skip_existing=True)
     assert np.array_equal(pixels(names[0]), want(scene))
-    with pytest.raises(ValueError, match=r"^skip_existing: does not go with each"):
-        cltrace.animate(cameras, tmp_path / "f%d.png", scene=scene, skip_existing=True, each=stamp)
     for bad in (np.zeros((3, 3, 3), np.uint8), np.zeros((30, 41, 3))):
         with pytest.raises(ValueError, match=r"^each: must return None or uint8 of shape \(30, 41, 3\) or"):
             cltrace.animate(cameras, tmp_path / "bad%d.png", scene=scene, each=lambda number, image, bad=bad: bad)
@@ -351,17 +340,25 @@ def test_times_of_frames_add_up(name: str, fps: float, times: list[float], tmp_p
     assert found == pytest.approx(times, 1e-4)
 
 
+def failing() -> Iterator[Any]:
+    yield from cltrace.orbit(scene_of(), 3)
+    raise RuntimeError("the simulation has blown up")
+
+
+def test_frames_before_an_error_are_drawn(tmp_path: Path) -> None:
+    """What a generator has yielded before it fails is not lost."""
+    with pytest.raises(RuntimeError, match="blown up"):
+        cltrace.animate(failing(), tmp_path / "%d.png", scene=scene_of())
+    for k, camera in enumerate(cltrace.orbit(scene_of(), 3)):
+        assert np.array_equal(pixels(tmp_path / f"{k}.png"), want(scene_of().seen_by(camera)))
+
+
 @pytest.mark.parametrize("suffix", [".apng", ".gif", ".mp4"])
 def test_a_movie_that_fails_leaves_the_old_one(suffix: str, tmp_path: Path) -> None:
     path = tmp_path / f"movie{suffix}"
     path.write_bytes(b"old")
-
-    def steps() -> Iterator[Any]:
-        yield from cltrace.orbit(scene_of(), 3)
-        raise RuntimeError("the simulation has blown up")
-
     with pytest.raises(RuntimeError, match="blown up"):
-        cltrace.animate(steps(), path, scene=scene_of())
+        cltrace.animate(failing(), path, scene=scene_of())
     sizes = [scene_of(), scene_of(camera=replace(CAMERA, resolution=(20, 20)))]
     with pytest.raises(
         ValueError, match=re.escape("frames[1]: must have 41x30 pixels of 3 channels, as the first one of the movie")
@@ -433,14 +430,9 @@ def test_what_is_there_and_right_is_kept(tmp_path: Path) -> None:
     assert run(truncate=True) == [2]
     scene = scene_of(seed=9)
     assert run(truncate=True) == [0, 1, 2, 3, 4, 5]
-    with pytest.raises(ValueError, match="skip_existing: is for frames of files of their own"):
-        cltrace.animate(cameras, tmp_path / "m.gif", scene=scene, skip_existing=True)
-    with pytest.raises(ValueError, match="skip_existing: there is nothing to skip"):
-        cltrace.animate(cameras, scene=scene, skip_existing=True)
 
 
 LINE = (sys.executable, "-m", "cltrace", str(FILE), "--size", "240x180", "--orbit", "100", "-o", "f%03d.png")
-NAMES = [f"f{k:03}.png" for k in range(100)]
 
 
 @pytest.fixture(scope="module")
@@ -470,7 +462,7 @@ def test_a_run_that_is_killed_and_continued(number: signal.Signals, tmp_path: Pa
     done = subprocess.run([*LINE, "--skip-existing"], cwd=tmp_path, check=True, capture_output=True)
     assert done.stderr.startswith(b"cltrace: wrote %d pictures" % (100 - len(there)))
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == whole
-    assert sorted(whole) == NAMES
+    assert len(whole) == 100
     assert all((tmp_path / name).stat().st_ino == inode for name, inode in there.items())
 
 
@@ -494,22 +486,16 @@ def test_orbit_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
         for k, camera in enumerate(cltrace.orbit(scene, 4, "z", -90)):
             assert np.array_equal(pixels(f"step3-shadows000{k}.png"), want(scene.seen_by(camera)))
         options = ("--size", "40x30", "--show", "normal", "--space", "camera")
-        status, lines = call(capsys, FILE, "--orbit", 4, "--frames", "1::2", *options, "-o", "{}_%d.png")
-        assert (status, sorted(p.name for p in tmp_path.glob("*_*"))) == (
-            0,
-            ["step3-shadows_1.png", "step3-shadows_3.png"],
-        )
+        assert call(capsys, FILE, "--orbit", 4, "--frames", "1::2", *options, "-o", "n%d.png", "-q") == (0, [])
+        assert sorted(Path().glob("n*")) == [Path("n1.png"), Path("n3.png")]
         camera = cltrace.orbit(scene, 4)[3]
         image = cltrace.render(scene.seen_by(camera), outputs=("normal",))
-        assert np.array_equal(pixels("step3-shadows_3.png"), image.as_rgb8("normal", camera.basis()))
-        assert call(capsys, FILE, "--orbit", 2, "--size", "40x30", "-o", "a.apng", "--fps", 5, "-q") == (0, [])
-        with Picture.open("a.apng") as picture:
-            assert (picture.n_frames, picture.info["duration"]) == (2, 200)
+        assert np.array_equal(pixels("n3.png"), image.as_rgb8("normal", camera.basis()))
         for name in ("c.apng", "c.gif"):
-            options = ("--orbit", 2, "--size", "40x30", "--transparent", "-q", "-o", name)
+            options = ("--orbit", 2, "--size", "40x30", "--transparent", "--fps", 5, "-q", "-o", name)
             assert call(capsys, FILE, *options) == (0, [])
         with Picture.open("c.apng") as picture:
-            assert picture.mode == "RGBA"
+            assert (picture.mode, picture.n_frames, picture.info["duration"]) == ("RGBA", 2, 200)
             clear = cltrace.render(scene.in_front_of((*scene.background, 0.0)), outputs=("rgba8",)).rgba8
             assert np.array_equal(np.asarray(picture), clear)
 
@@ -540,17 +526,13 @@ def test_several_scenes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
         assert listed("out") == ["a0000.png", "a0001.png", "c0000.png", "c0001.png"]
         assert call(capsys, "a.xml", "c.xml", "--frames", "1", "--size", "40x30", "-q", "-o", "{}_.png") == (0, [])
         assert (Path("a_.png").exists(), Path("c_.png").exists()) == (False, True)
-        assert call(capsys, "a.xml", "--size", "40x30", "-q", "-o", "{}one.png") == (0, [])
-        assert Path("aone.png").exists()
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["{a}", "{b}", "-o", "x.png"], "-o: a.xml and b.xml would both be x.png; have {} in it, which is the name"),
-        (["{a}", "{b}", "--orbit", "2", "-o", "f%d.png"], "-o: a.xml and b.xml would both be f%d.png; have {} in it"),
         (["{a}", "{b}", "--check"], "--check is for one picture, of one scene"),
-        (["{a}", "--orbit", "2", "--stats"], "--stats is for one picture, of one scene"),
         (["{a}", "--orbit", "2", "--show", "lit"], "--show lit is for one picture, of one scene"),
         (["{a}", "--orbit", "2", "-o", "-"], "-o - is for one picture, of one scene"),
         (["{a}", "--axis", "x"], "--axis goes with --orbit"),
@@ -561,7 +543,6 @@ def test_several_scenes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
         (["{a}", "--orbit", "2", "--axis", "0,0"], "--axis: must be x, y, z, or a direction X,Y,Z such as 0,1,0"),
         (["{a}", "--orbit", "2", "--degrees", "inf"], "--degrees: must be degrees, such as 360 or -90, got 'inf'"),
         (["{a}", "--orbit", "2", "--frames", "2:4"], "--frames: there are only 2 frames, from 0 on"),
-        (["{a}", "--orbit", "2", "--frames", "4:2"], "--frames: must pick a frame, got '4:2'"),
         (["{a}", "--orbit", "2", "-o", "m.gif", "--skip-existing"], "--skip-existing goes with PNGs, as a movie"),
         (["{a}", "--orbit", "2", "-o", "no/f%d.png"], "-o: there is no folder 'no'"),
         (["{a}", "--orbit", "2", "--crop", "0,0,999,9"], "crop: must be within 0,0,481,361 and not empty"),
@@ -628,21 +609,3 @@ def test_pictures_before_a_fault_are_told(tmp_path: Path, monkeypatch: pytest.Mo
         told, fault = capsys.readouterr().err.splitlines()
         assert told.startswith(f"cltrace: wrote {wrote}")
         assert fault.startswith(f"cltrace: {words}")
-
-
-def test_frames_before_an_error_are_drawn(tmp_path: Path) -> None:
-    """What a generator has yielded before it fails is not lost."""
-    scene = scene_of()
-
-    def frames() -> Iterator[Any]:
-        yield scene
-        yield replace(CAMERA, position=(1, 2, 12))
-        raise RuntimeError("mine")
-
-    with pytest.raises(RuntimeError, match="mine"):
-        cltrace.animate(frames(), tmp_path / "%d.png")
-    assert listed(tmp_path) == ["0.png", "1.png"]
-    drawn = []
-    with pytest.raises(RuntimeError, match="mine"):
-        drawn.extend(cltrace.animate(frames()))
-    assert np.array_equal(pixels(tmp_path / "1.png"), want(scene.seen_by(replace(CAMERA, position=(1, 2, 12)))))
