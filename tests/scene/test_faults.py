@@ -82,9 +82,7 @@ FAULTS: list[tuple[Call, str]] = [
     (lambda: build(centers=np.zeros((2, 3), complex)), "centers: must be numbers, got an array of complex128"),
     (lambda: build(radii=[np.timedelta64(1, "s"), 1]), "radii: must be numbers, got 1 seconds (timedelta64[s]) among"),
     (lambda: build(radii=[np.True_, 1]), "radii: must be numbers, got True (bool) among them"),
-    (lambda: build(radii=[1, None]), "radii: must be numbers, got None among them"),
     (lambda: build(radii=b"12"), "radii: must be numbers, got b'12'"),
-    (lambda: build(radii={1, 2}), "radii: must be numbers, got {1, 2}"),
     (lambda: build(radii=MASKED), "radii: must not be masked; use its filled() or compressed()"),
     (lambda: build(background=[0, 0, np.ma.masked]), "background: must not be masked"),
     (lambda: build(centers=[(0, 0, 10**400)]), f"centers: {FAR} an integer beyond 1.7e308"),
@@ -119,10 +117,8 @@ FAULTS: list[tuple[Call, str]] = [
     (lambda: replace(build(), spheres=_of_map(0), to_object=[np.diag([1, 1, 1e-40])]), "spheres.radius[1]: half of th"),
     # Lights.
     (lambda: cltrace.point_light((1, 2)), "light.position: must be 3 numbers, got (1, 2)"),
-    (lambda: cltrace.parallel_light((0, 0, 1j)), "light.direction: must be numbers, got 1j among them"),
     (lambda: cltrace.spot_light((0, 0, 0), (0, 0, 1), (1, 2), 3), "light.alpha1: must be on"),  # type: ignore[arg-type]
     (lambda: cltrace.ambient_light((255, 255, 255)), f"light.color: {NO_BYTES} 255 look like bytes"),
-    (lambda: sky(color=RED, up=(1, 0)), "light.up: must be 3 numbers, got (1, 0)"),
     (lambda: sky(up=(0, 1, 0), below=(0, 0, 200)), f"light.below: {NO_BYTES} 200"),
     (lambda: sky(below=RED), "light.below: goes with up, which is not given"),
     (lambda: sky(directions=0), "light.directions: must be a whole number within 1..1024, got 0"),
@@ -154,19 +150,16 @@ FAULTS: list[tuple[Call, str]] = [
     (lambda: fitted(view="side"), "view: must be one of front, back, right, left, top, bottom, isometric, or three"),
     (lambda: fitted(view=(0, 0, 0)), "view: must not be 0"),
     (lambda: fitted(margin=0.5), "margin: must be below 0.5, got 0.5"),
-    (lambda: fitted(view="top", up=(0, 2, 0)), "camera.up: must not be parallel to the view"),
     (lambda: Camera.fit(Scene.from_spheres(Camera(), [], [], 1)), "scene: must have surfaces"),
     *((lambda kind=kind: kind.fit(Scene.from_meshes(Camera(), [], LINE), "front"), "scene: must not be a single point")
       for kind in (Camera, Orthographic)),
     # Meshes.
     (lambda: Mesh(V, [(0, 1, 1.5)]), "mesh.faces[0][2]: must be the index of a vertex, of which there are 4, got 1.5"),
-    (lambda: Mesh(V, [(0, 1, 2**70)]), "mesh.faces[0][2]: must be the index"),
     (lambda: Mesh(V, np.array([[0, 1, 2**63]], np.uint64)), "mesh.faces[0][2]: must be the index"),
     (lambda: Mesh(V, [(0, 1, 2, 3)]), "mesh.faces: must have shape (n, 3), got (1, 4)"),
     (lambda: Mesh(V, np.ones((1, 3), bool)), "mesh.faces: must be numbers"),
     (lambda: Mesh([*V, (np.nan, 0, 0)], F), "mesh.vertices[4][0]: must be a finite number"),
     (lambda: Mesh(V.astype(object), F), "mesh.vertices: must be numbers"),
-    (lambda: Mesh((v for v in V), F), "mesh.vertices: must be numbers"),  # type: ignore[arg-type]
     (lambda: Mesh(V, F, normals=np.ones((2, 3))), "mesh.normals: must have shape (4, 3) or (2, 3, 3), got (2, 3)"),
     (lambda: Mesh(V, F, uv=np.zeros((4, 3))), "mesh.uv: must have shape (4, 2) or (2, 3, 2), got (4, 3)"),
     (lambda: Mesh(V, F, material="red"), "mesh.material: must be a cltrace.Material, got 'r"),  # type: ignore[arg-type]
@@ -217,7 +210,6 @@ FAULTS: list[tuple[Call, str]] = [
     (lambda: Mesh(V, F, material=Material(texture=TEXTURE), colors=[RED] * 2), "mesh.material: must have no texture w"),
     (lambda: Mesh(V, F, values=[0, 1], norm=np.log), "mesh.clim: must be values of which norm makes finite numbers, g"),
     (lambda: Mesh(V, F, values=[0, 1], norm=np.log, clim=(1, 3)), "mesh.values[0]: must be one of which norm makes a"),
-    (lambda: Mesh(V, F, values=[-1, 1], norm=LogNorm(1, 3)), "mesh.values[0]: must be one of which norm makes a finit"),
     (lambda: Mesh(V, F, values=[-1, -2], norm=LogNorm()), "mesh.norm: must have two limits for values that differ"),
     (lambda: Mesh(V, F, values=[0, 1], norm="log"), "mesh.norm: must be a function, such as numpy.log or LogNorm()"),
     (lambda: Mesh(V, F, values=[0, 1], norm=lambda v: np.append(v, 1)), "mesh.norm: must make"),

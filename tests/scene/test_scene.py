@@ -9,20 +9,15 @@ from dataclasses import fields, replace
 from fractions import Fraction
 from typing import Any
 
-import mpmath
 import numpy as np
 import pytest
 
 import cltrace
 from cltrace import Camera, Scene
 from cltrace.base.arithmetic import inverses
-from cltrace.scene import MATERIAL, SPHERE
 
 GOOD = {"centers": [(0, 0, -3), (1, 0, -3)], "radii": 0.5}
-MASKED = np.ma.array([1.0, 2.0, 3.0], mask=[False, True, False])
-BYTES = "must be linear with 1 as full, but whole numbers up to {} look like bytes of 0 to 255; divide by 255"
 R3 = range(3)
-SPHERES, MATERIALS = np.zeros(0, SPHERE), np.zeros(0, MATERIAL)
 
 
 def build(**changed: object) -> Scene:
@@ -109,14 +104,6 @@ def test_a_linear_map_makes_an_ellipsoid() -> None:
     assert one.to_object.tolist() == [[[1, 0, 0], [0, 1 / 3, 0], [0, 0, 10]]]
     assert one.spheres["to_object"].tolist() == [0, 0]
     assert not one.to_object.flags.writeable
-    rng = np.random.default_rng(5)
-    maps = rng.normal(size=(2, 3, 3))
-    maps[1, 2] = maps[1, 0] * 3 + maps[1, 1] * 2 + maps[1, 2] * 2.0**-20
-    scene = build(transform=maps)
-    mpmath.mp.dps = 80
-    for transform, to_object in zip(maps, scene.to_object, strict=True):
-        inverse = mpmath.matrix(transform.tolist()) ** -1
-        assert [[float(inverse[i, j]) for j in range(3)] for i in range(3)] == to_object.tolist()
 
 
 def hostile_maps(rng: np.random.Generator, count: int) -> Iterator[np.ndarray]:
@@ -167,9 +154,8 @@ def test_one_material_is_shared_and_a_million_spheres_are_arrays() -> None:
 @pytest.mark.parametrize("angle", [1.0, 1e-3, 1e-7, 1e-9])
 def test_basis_is_orthonormal_even_if_up_is_nearly_the_view(angle: float) -> None:
     camera = Camera((3, -2, 7), (1, 5, 2), (1 + angle, -3.5 + 2 * angle, 2.5))
-    mpmath.mp.dps = 50
-    rows = [mpmath.matrix(row) for row in camera.basis()]
-    for i in range(3):
-        for j in range(3):
-            dot = sum(rows[i][k] * rows[j][k] for k in range(3))
+    rows = [[Fraction(x) for x in row] for row in camera.basis()]
+    for i in R3:
+        for j in R3:
+            dot = sum(rows[i][k] * rows[j][k] for k in R3)
             assert abs(dot - (i == j)) < 1e-15
