@@ -20,7 +20,7 @@ from random_scenes import usual_scene
 
 import cltrace
 from cltrace import Image, Renderer
-from cltrace.run import devices, executor
+from cltrace.run import executor
 from cltrace.run.devices import Device
 
 # As in tests/picture/test_outputs.py, which shares the program.
@@ -62,7 +62,7 @@ def test_render_into_an_earlier_image(any_device: Device) -> None:
         renderer.render(Image())
 
 
-def test_images_and_scenes_travel(any_device: Device, tmp_path: Path) -> None:
+def test_images_and_scenes_travel(any_device: Device) -> None:
     image = cltrace.render(usual_scene(), any_device)
     again = pickle.loads(pickle.dumps(image))
     assert np.array_equal(again.rgb8, image.rgb8)
@@ -79,10 +79,8 @@ def test_a_renderer_does_not_travel(any_device: Device) -> None:
             how(renderer)
     assert np.array_equal(copy.copy(renderer).render().rgb8, renderer.render().rgb8)
     count = len(renderer.scene.spheres)
-    assert (
-        repr(renderer)
-        == f"<cltrace.Renderer 47x33: {count} spheres, {renderer.precision} precision, on {any_device.name}>"
-    )
+    more = f"{count} spheres, {renderer.precision} precision, on {any_device.name}"
+    assert repr(renderer) == f"<cltrace.Renderer 47x33: {more}>"
 
 
 def test_an_image_is_an_array_of_its_bytes() -> None:
@@ -159,7 +157,7 @@ def test_what_forks_before_its_first_picture_draws_everywhere() -> None:
     assert len(done.stdout.split()) == 3
 
 
-def test_show_encodings(any_device: Device, tmp_path: Path) -> None:
+def test_show_encodings() -> None:
     image = Image(
         rgb8=np.full((1, 2, 3), 7, np.uint8),
         normal=np.array([[[0, 0, 1], [0, 0, 0]]], np.float32),
@@ -171,20 +169,16 @@ def test_show_encodings(any_device: Device, tmp_path: Path) -> None:
     assert image.as_rgb8("color").tolist() == [[[7, 7, 7], [7, 7, 7]]]
     assert image.as_rgb8("normal").tolist() == [[[128, 128, 255], [0, 0, 0]]]
     assert image.as_rgb8("depth").tolist() == [[[32, 32, 32], [0, 0, 0]]]
-    assert image.as_rgb8("id")[0, 1].tolist() == [0, 0, 0]
-    assert image.as_rgb8("id")[0, 0].min() >= 64
-    assert image.as_rgb8("primitive").min(axis=2).tolist() == [[image.as_rgb8("primitive")[0, 0].min(), 0]]
-    assert image.as_rgb8("primitive")[0, 0].min() >= 64
+    for name in ("id", "primitive"):
+        assert image.as_rgb8(name)[0, 0].min() >= 64
+        assert not image.as_rgb8(name)[0, 1].any()
     assert image.as_rgb8("uv").tolist() == [[[51, 153, 0], [0, 0, 0]]]
-    with pytest.raises(
-        ValueError,
-        match=r"^show: the image has no direction, only rgb8, normal, depth, id, primitive, uv; show='color'",
+    for show, message in (
+        ("direction", "the image has no direction, only rgb8, normal, depth, id, primitive, uv; show='color'"),
+        ("heat", "must be one of color, normal, direction, depth, id, primitive, uv, got 'heat'"),
     ):
-        image.as_rgb8("direction")
-    with pytest.raises(
-        ValueError, match="show: must be one of color, normal, direction, depth, id, primitive, uv, got 'heat'"
-    ):
-        image.as_rgb8("heat")
+        with pytest.raises(ValueError, match=f"^show: {message}"):
+            image.as_rgb8(show)
     assert image._repr_png_().startswith(b"\x89PNG")
 
 
@@ -192,20 +186,16 @@ def test_show_encodings(any_device: Device, tmp_path: Path) -> None:
     ("path", "error", "message"),
     [
         ("x.png/", ValueError, "path: 'x.png/' is the name of a folder"),
-        ("x.png/.", ValueError, "path: 'x.png/.' is the name of a folder"),
         ("a/b/x.png", FileNotFoundError, "path: there is no folder 'a/b'; mkdir() of a Path makes one"),
         (7, TypeError, "path: must be a str or a Path, got 7"),
         ("x.png", ValueError, "show: the image has no rgb8, only depth; show='depth' shows what it has"),
     ],
 )
-def test_no_place_for_a_picture(
-    path: object, error: type[Exception], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_no_place_for_a_picture(path: object, error: type[Exception], message: str, own_folder: None) -> None:
     with pytest.raises(error) as caught:
         Image(depth=np.zeros((1, 1))).save(path)  # type: ignore[arg-type]
     assert str(caught.value) == message
-    assert list(tmp_path.iterdir()) == []
+    assert not list(Path().iterdir())
 
 
 def test_images_of_arrays() -> None:
@@ -274,16 +264,13 @@ def test_python_in_a_checkout_finds_its_kernels(tmp_path: Path) -> None:
         ({"device": 0}, TypeError, "device: must be a text"),
         ({"precision": "half"}, ValueError, "precision: must be one of accurate, single, double, got 'half'"),
         ({"outputs": ()}, ValueError, "outputs: must be some of "),
-        ({"outputs": ("heat",)}, ValueError, "outputs: must be some of "),
         ({"outputs": "id"}, ValueError, "outputs: must be a tuple, such as ('id',), got 'id'"),
         ({"antialias": 10**400}, ValueError, "antialias: must be True or False, got 1000"),
         ({"truncate": "no"}, ValueError, "truncate: must be True or False, got 'no'"),
-        ({"width": 16.0}, ValueError, "width: must be 1, 4, 8, 16 or None, got 16.0"),
         ({"width": True}, ValueError, "width: must be 1, 4, 8, 16 or None, got True"),
         ({"width": "16"}, ValueError, "width: must be 1, 4, 8, 16 or None, got '16'"),
         ({"crop": 5}, ValueError, "crop: must be 4 whole numbers (x0, y0, x1, y1), got 5"),
         ({"crop": (True, 0, 2, 2)}, ValueError, "crop: must be 4 whole numbers (x0, y0, x1, y1), got (True, 0, 2, 2)"),
-        ({"crop": (0, 0, 1.5, 2)}, ValueError, "crop: must be 4 whole numbers"),
         ({"crop": (0, 0, 99, 2)}, ValueError, "crop: must be within 0,0,47,33 and not empty, got 0,0,99,2"),
     ],
 )
@@ -340,10 +327,3 @@ def test_strips_of_any_height_are_one_picture(
         assert np.array_equal(image.id, want.id)
     assert renderer._executor.pace.rows == 16 if patience == 0 else renderer._executor.pace.rows > 333 or most == 1
     assert repr(image) == "<cltrace.Image 50x333: rgb8, id>"
-
-
-def test_no_gpu_says_what_there_is(monkeypatch: pytest.MonkeyPatch, any_device: Device) -> None:
-    monkeypatch.setattr(devices, "devices", lambda: [any_device])
-    with pytest.raises(cltrace.DeviceError) as caught:
-        cltrace.render(usual_scene(), "gpu")
-    assert str(caught.value) == f"no device matches 'gpu'; choose one of:\n{any_device.line()}"

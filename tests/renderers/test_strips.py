@@ -18,6 +18,8 @@ from cltrace.run import executor
 from cltrace.run.devices import Device
 from cltrace.run.executor import Executor, FrameBuffers
 
+pytestmark = pytest.mark.usefixtures("own_folder")
+
 SCENE = Path(__file__).parents[2] / "scenes" / "first.xml"
 SIZE = ["--size", "90x75", "-q"]
 FILES = ["-o", "a.png", "-o", "a.exr", "-o", "a.npy"]
@@ -44,9 +46,8 @@ def fails_above(monkeypatch: pytest.MonkeyPatch, rows: int, error: type[Exceptio
 
 @pytest.mark.parametrize("way", [pytest.param(way, marks=pytest.mark.slow) if "fog" in way else way for way in WAYS])
 def test_files_are_those_of_whole_pictures(
-    way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfdbinary: pytest.CaptureFixture[bytes]
+    way: str, monkeypatch: pytest.MonkeyPatch, capfdbinary: pytest.CaptureFixture[bytes]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     names, drawn = ["a.png", "a.exr", "a.npy"], []
     draw = Renderer.draw
     monkeypatch.setattr(Renderer, "draw", lambda self, *a, **k: drawn.append(self.region[3]) or draw(self, *a, **k))
@@ -64,9 +65,8 @@ def test_files_are_those_of_whole_pictures(
 
 @pytest.mark.parametrize("error", [cl.MemoryError, MemoryError])
 def test_strips_become_smaller_where_memory_does_not_suffice(
-    error: type[Exception], device: Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    error: type[Exception], device: Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     renderer = Renderer(usual_scene(), device)
     want = renderer.render().rgb8
     fails_above(monkeypatch, 20, error)
@@ -96,26 +96,22 @@ def test_strips_have_one_limit_of_seconds(monkeypatch: pytest.MonkeyPatch) -> No
     assert np.array_equal(renderer.render().rgb8, want)
 
 
-def test_too_little_memory_is_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_too_little_memory_is_said(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """As of a device that has none, or of a format that is not written by rows; the old file stays."""
-    monkeypatch.chdir(tmp_path)
     for name, rows in (("a.png", 10), ("a.npz", 74)):
         Path(name).write_bytes(b"old")
         with monkeypatch.context() as patch:
             fails_above(patch, rows, cl.MemoryError)
             assert cli.main([str(SCENE), *SIZE, "-o", name]) == 3
         assert capsys.readouterr().err.endswith(" has not enough memory: no room\n")
-        assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"old"]
+        assert [path.read_bytes() for path in Path().iterdir()] == [b"old"]
         Path(name).unlink()
 
 
 @pytest.mark.slow
 def test_a_whole_picture_that_no_memory_holds(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("cltrace.cli.picture.physical_memory", lambda: 5e4)
     for more, size in ((["-o", "a.npz"], 243), (["--check", "-o", "a.npy"], 47.2)):
         assert cli.main([str(SCENE), *SIZE, *more]) == (2 if size > 50 else 0)
@@ -127,9 +123,8 @@ def test_a_whole_picture_that_no_memory_holds(
 
 
 def test_a_fault_while_strips_are_written_names_the_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(module, "STRIP_BYTES", 2**12)
     line = [str(SCENE), *SIZE, "-o", "a.png", "-o", "/dev/full", "-o", "a.npy"]
     monkeypatch.setattr("cltrace.cli.files.check_target", lambda *_: None)
@@ -137,7 +132,7 @@ def test_a_fault_while_strips_are_written_names_the_file(
     monkeypatch.setattr("cltrace.cli.picture.suffix_of", lambda target: Path(target).suffix or ".npy")
     assert cli.main(line) == 2
     assert capsys.readouterr().err == "cltrace: cannot write /dev/full: No space left on device\n"
-    assert not list(tmp_path.iterdir())
+    assert not list(Path().iterdir())
 
 
 MEMORY = """
@@ -153,9 +148,9 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
 @pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems count otherwise")
 @pytest.mark.parametrize("how", [["-o", "a.exr"], ["-o", "a.png", "--bits", "16"], ["-o", "a.png", "--show", "id"]])
-def test_memory_does_not_grow_with_the_picture(how: list[str], tmp_path: Path) -> None:
+def test_memory_does_not_grow_with_the_picture(how: list[str]) -> None:
     """25 million pixels, in kB; an .exr took 2.3 GB."""
     minimal = SCENE.with_name("minimal.xml")
     line = [sys.executable, "-c", MEMORY, str(minimal), "5000x5000", *how]
-    done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, check=True)
+    done = subprocess.run(line, capture_output=True, text=True, check=True)
     assert int(done.stdout) < 300_000

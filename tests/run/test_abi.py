@@ -59,23 +59,6 @@ def test_build_refuses_another_layout(any_device: Device) -> None:
         program.program(any_device, ["-DW=1", "-DRUN=1", *options])
 
 
-def test_buffers_have_the_types_of_the_table() -> None:
-    camera = cltrace.Camera(resolution=(64, 48))
-    lights = [cltrace.point_light((1, 2, 3)), cltrace.parallel_light((0, -1, 0))]
-    scene = cltrace.Scene.from_spheres(camera, lights, np.random.default_rng(0).normal(size=(40, 3)), 0.2)
-    for precision in ("accurate", "single", "double"):
-        plan = Plan.of_scene(scene, Request(precision))
-        wanted = {a.name: abi.dtype_of(a.type, precision) for a in abi.ARGUMENTS if a.kind == "buffer"}
-        assert plan.arrays.keys() == wanted.keys()
-        for name, dtype in wanted.items():
-            array = plan.arrays[name]
-            assert array.dtype == dtype.base, name
-            assert array.shape[1:] == dtype.shape, name
-            assert array.flags.c_contiguous or name == "entry", name
-        known_at_launch = {"region", "row", "pitch", "margin", "started"}
-        assert plan.values.keys() | known_at_launch == {a.name for a in abi.ARGUMENTS if a.kind == "value"}
-
-
 def test_no_value_is_a_struct() -> None:
     """NVIDIA's compiler loses a struct of the kernel's parameters where functions hand it on by its address."""
     assert [a.name for a in abi.ARGUMENTS if a.kind == "value" and a.type in abi.STRUCTS] == []

@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
 
@@ -22,20 +21,6 @@ def report(spec: str | None = None) -> tuple[int, list[str]]:
     lines: list[str] = []
     status = doctor.doctor(spec, lines.append)
     return status, "\n".join(lines).splitlines()
-
-
-@pytest.fixture
-def dying(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> str:
-    """The spec of a device whose driver ends the process as LLVM does; it is the default one."""
-    spec = cltrace.run.devices.choose().spec
-    python = tmp_path / "python"
-    python.write_text(
-        f'#!/bin/sh\ncase "$*" in *"draw {spec}") echo "LLVM ERROR: Cannot select: fma" >&2; kill -ABRT $$;; esac\n'
-        f'exec {sys.executable} "$@"\n'
-    )
-    python.chmod(0o755)
-    monkeypatch.setattr(sys, "executable", str(python))
-    return spec
 
 
 @pytest.mark.slow
@@ -56,12 +41,19 @@ def test_what_works_is_told(device: Device) -> None:
     ]
 
 
-def test_a_driver_that_ends_the_process(dying: str) -> None:
-    """It is named, with its last words; another device is advised if one works."""
+def test_a_driver_that_ends_the_process(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """As LLVM does: it is named, with its last words; another device is advised if one works."""
+    dying = cltrace.run.devices.choose().spec
+    python = tmp_path / "python"
+    python.write_text(
+        f'#!/bin/sh\ncase "$*" in *"draw {dying}") echo "LLVM ERROR: Cannot select: fma" >&2; kill -ABRT $$;; esac\n'
+        f'exec {sys.executable} "$@"\n'
+    )
+    python.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(python))
     status, lines = report()
     assert status == 3
-    death = "           FAILS: the driver ended the process with SIGABRT: LLVM ERROR: Cannot select: fma"
-    assert death in lines
+    assert "           FAILS: the driver ended the process with SIGABRT: LLVM ERROR: Cannot select: fma" in lines
     others = [d.spec for d in cltrace.devices() if d.spec != dying]
     if others:
         advice = f"The default device cannot be used. Choose another: -d {others[0]}, or PYOPENCL_CTX={others[0]}"
@@ -104,20 +96,15 @@ def test_no_such_device(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("named", [False, True])
 def test_the_device_says_what_chose_it(named: bool, device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "child", faked(device))
+    """Where a child process finds this device alone, which works."""
+    listing = json.dumps({"wanted": device.spec, "problem": "", "devices": {device.spec: device.line()}})
+    monkeypatch.setattr(doctor, "child", lambda *arguments: (0, listing if "devices" in arguments else "fine"))
+    monkeypatch.delenv("PYOPENCL_CTX", raising=False)
     if named:
         monkeypatch.setenv("PYOPENCL_CTX", device.spec)
-    else:
-        monkeypatch.delenv("PYOPENCL_CTX", raising=False)
     status, lines = report()
     assert status == 0
     assert lines[-2] == f"device     {device.line()}  ({f'PYOPENCL_CTX={device.spec}' if named else 'the default'})"
-
-
-def faked(device: Device) -> Callable[..., tuple[int, str]]:
-    """A child process that finds this device alone, which works."""
-    listing = {"wanted": device.spec, "problem": "", "devices": {device.spec: device.line()}}
-    return lambda *arguments: (0, json.dumps(listing) if "devices" in arguments else "fine")
 
 
 def test_a_folder_of_drivers_that_does_not_exist(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

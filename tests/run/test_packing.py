@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import gc
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +21,6 @@ from cltrace.run.devices import Device
 from cltrace.run.pack import lists
 from cltrace.run.pack.meshes import MeshPacker
 from cltrace.run.pack.spheres import SpherePacker
-from cltrace.run.pack.toolbox import Toolbox
 from cltrace.scene import PARALLEL, AnyCamera
 
 Floats = NDArray[np.float64]
@@ -61,12 +58,6 @@ def scene(centers: Floats, radii: Floats | float, lights: object = LIGHTS, **cha
     return cltrace.Scene.from_spheres(camera(**changes), lights, centers, radii)  # type: ignore[arg-type]
 
 
-def around(n: int) -> cltrace.Scene:
-    """Eye and lights are inside of spheres, of all or of some."""
-    centers, radii = balls(n, 4.0)
-    return scene(centers, radii)
-
-
 def far_away() -> cltrace.Scene:
     """At 1e7 from the origin, a coordinate has eight bits after the point."""
     centers, radii = balls()
@@ -92,26 +83,15 @@ def halfway() -> cltrace.Scene:
     return scene(step, 0.05, position=(2.0**-54, -(2.0**-54), 3), lookat=(2.0**-54, -(2.0**-54), 0))
 
 
-def equal() -> cltrace.Scene:
-    centers, radii = balls(100)
-    return scene(np.tile(centers, (3, 1)), np.tile(radii, 3))
-
-
 def of_all_sizes() -> cltrace.Scene:
     rng = np.random.default_rng(4)
     return scene(rng.uniform(-1, 1, (400, 3)), 2.0 ** rng.uniform(-140, 3, 400))
 
 
-def in_shells() -> cltrace.Scene:
+def in_shells(lights: object = LIGHTS) -> cltrace.Scene:
     """Most spheres are inside of larger ones, which hide them."""
     centers, radii = balls(300, 0.02)
-    return scene(np.concatenate([centers * 0.3, [(0, 0, 0), (0.4, 0, 0)]]), np.append(radii, [0.6, 0.6]))
-
-
-def behind() -> cltrace.Scene:
-    """Nothing is in the picture, and nothing is in any list."""
-    centers, radii = balls()
-    return scene(centers + (0, 0, 9), radii)
+    return scene(np.concatenate([centers * 0.3, [(0, 0, 0), (0.4, 0, 0)]]), np.append(radii, [0.6, 0.6]), lights)
 
 
 def few_in_light() -> cltrace.Scene:
@@ -142,14 +122,14 @@ CASES: dict[str, Callable[[], cltrace.Scene]] = {
     "scattered": lambda: scene(*balls()),
     "one more than lists are made for": lambda: scene(*balls(17)),
     "a whole packet": lambda: scene(*balls(64)),
-    "around the eye": lambda: around(300),
+    "around the eye": lambda: scene(*balls(300, 4.0)),  # and around lights
     "far away": far_away,
     "touching": touching,
     "halfway": halfway,
-    "equal": equal,
+    "equal": lambda: scene(np.tile(balls(100)[0], (3, 1)), np.tile(balls(100)[1], 3)),
     "of all sizes": of_all_sizes,
     "in shells": in_shells,
-    "behind the eye": behind,
+    "behind the eye": lambda: scene(balls()[0] + (0, 0, 9), balls()[1]),  # so that no list has anything
     "few in the light": few_in_light,
     "mirrors": mirrors,
     "crowded": crowded,
@@ -180,22 +160,9 @@ def test_bits_on_a_gpu(device: Device) -> None:
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_bits_of_other_cameras(device: Device, precision: Precision) -> None:
     """They have what lights see in common, unless lengths have another unit, or the eye is within what hides others."""
-    lights = LIGHTS[:1] + LIGHTS[2:]
-    centers, radii = balls(300, 0.02)
-    centers, radii = np.concatenate([centers * 0.3, [(0, 0, 0), (0.4, 0, 0)]]), np.append(radii, [0.6, 0.6])
     cameras = [camera(position=p) for p in ((0.1, 0.21, 3.0), (3, 2, -1), (0.2, 0.3, 0.1), (70, 0, 90), (0, 0, 3))]
-    for at in (LIGHTS, lights):
-        both(scene(centers, radii, at), device, Request(precision), *cameras)
-
-
-def test_what_lights_see_is_made_once(device: Device) -> None:
-    world = ScenePacking.of(scene(*balls(), LIGHTS[2:]), Request())
-    packer = SpherePacker(world, Request(), device)
-    _, first = packer.view(world, camera())
-    _, other = packer.view(world, camera(position=(0.1, 0.21, 3.0)))
-    assert other["light_side"] is first["light_side"]
-    _, far = packer.view(world, camera(position=(70, 0, 90)))
-    assert far["light_side"] is not first["light_side"]
+    for lights in (LIGHTS, LIGHTS[:1] + LIGHTS[2:]):
+        both(in_shells(lights), device, Request(precision), *cameras)
 
 
 def parallel(**changes: object) -> cltrace.Orthographic:
@@ -209,13 +176,9 @@ def test_bits_along_the_view(device: Device, precision: Precision, name: str) ->
     """Parallel rays, whose plane is before the spheres, or cuts some, or whose picture is larger than all of them."""
     seen, at = CASES[name](), np.array(CASES[name]().camera.position)
     size = np.abs(seen.columns.center - at).max()
+    seen_along = parallel(position=tuple(at), resolution=seen.camera.resolution)
     by = [
-        parallel(
-            position=tuple(at),
-            lookat=tuple(at + size * np.array(aim)),
-            height=height,
-            resolution=seen.camera.resolution,
-        )
+        replace(seen_along, lookat=tuple(at + size * np.array(aim)), height=height)
         for aim, height in (((0, 0, -1), 0.7 * size), ((0.1, -0.1, -1), 0.1 * size), ((-1, 0.5, -2), 9 * size))
     ]
     made = both(seen.seen_by(by[0]), device, Request(precision), *by[1:], seen.camera, by[1])
@@ -278,25 +241,6 @@ def test_further_cameras_are_packed_of_fewer(device: Device, monkeypatch: pytest
     assert "entry" in moved.update(centers=balls(3000, 0.3, 7)[0]).plan.arrays
     monkeypatch.setattr(pack, "MANY", 4 * 3000)
     assert "entry" in cltrace.Renderer(crowded(), device).look(other).plan.arrays
-
-
-def test_memory_is_used_again_when_nobody_uses_it(device: Device) -> None:
-    if device.kind != "cpu":
-        pytest.skip("the memory is the device's")
-    tools = Toolbox(device, "accurate")
-
-    def address(buffer: Any) -> int:
-        return int(buffer.hostbuf.ctypes.data)
-
-    one, other = (tools.room(1000, np.float64, again=True) for _ in range(2))
-    first = address(one)
-    assert first != address(other)
-    del one
-    gc.collect()
-    assert address(tools.room(1000, np.float32, again=True)) != first
-    kept = tools.room(1000, np.float64, again=True)
-    assert address(kept) == first
-    assert address(tools.room(1000, np.float64, again=True)) not in (first, address(other))
 
 
 # ------------------------------------------------------------------------------- triangles, ellipsoids and spheres

@@ -11,8 +11,6 @@ import pytest
 from solids import Solid, ball, box, joined, lattice, mesh, needles, octahedron, sheet
 
 from cltrace import BuildError, Camera, Image, Material, Renderer, Scene, parallel_light, point_light, spot_light
-from cltrace.plan.plan import Plan
-from cltrace.plan.request import Request
 from cltrace.run import unstoppable
 from cltrace.run.devices import Device
 
@@ -196,12 +194,3 @@ def test_other_cameras_know_it(device: Device, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(unstoppable, "PAYS", np.inf)
     brighter.render()
     assert not known(brighter).any()
-
-
-def test_only_filters_need_it(device: Device) -> None:
-    for precision, keep in (
-        ("single", ()), ("double", ("filter",)), ("accurate", ("unstopped",)), ("accurate", ("lists",)),
-    ):  # fmt: skip
-        plan = Plan.of_scene(of(floor()), Request(precision, keep=keep))  # type: ignore[arg-type]
-        assert "WITH_UNSTOPPABLE" not in plan.features
-    assert "WITH_UNSTOPPABLE" in Plan.of_scene(of(floor()), Request("accurate")).features
