@@ -13,16 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fuzzing import examples
-from hostile.sphere_regimes import camera_space, rays
 from hypothesis import example, given
 from hypothesis import strategies as st
 from stress_cases import picture
-from surface_rays import closest
 
 import cltrace
 from cltrace import Camera, Scene
 from cltrace.base.arithmetic import two_sum
-from cltrace.plan.rounding import dot_products, square_excess
+from cltrace.plan.rounding import square_excess
 from cltrace.reference import world_of
 from cltrace.reference.trace import primary_ray, trace
 
@@ -41,14 +39,9 @@ def scenes(draw: st.DrawFn, coordinate: st.SearchStrategy[float], radius: st.Sea
     spheres = [draw(vector) for _ in range(n)], [draw(radius) for _ in range(n)]
     lights = [cltrace.ambient_light((0.5, 0.5, 0.5))]
     for _ in range(draw(st.integers(0, 2))):
-        direction = draw(vector.filter(any))
-        kind = draw(st.sampled_from(["parallel", "point", "spot"]))
-        if kind == "parallel":
-            lights.append(cltrace.parallel_light(direction))
-        elif kind == "point":
-            lights.append(cltrace.point_light(draw(vector)))
-        else:
-            lights.append(cltrace.spot_light(draw(vector), direction, 10, draw(st.sampled_from([10, 60, 180]))))
+        place, direction = draw(vector), draw(vector.filter(any))
+        spot = cltrace.spot_light(place, direction, 10, draw(st.sampled_from([10, 60, 180])))
+        lights.append(draw(st.sampled_from([cltrace.parallel_light(direction), cltrace.point_light(place), spot])))
     eye = draw(vector)
     fov = draw(st.sampled_from([1e-3, 1.0, 30.0, 60.0, 89.9]))
     # Far from 0, eye - 1 may be eye: look at a point as far below as the eye is out.
@@ -70,18 +63,6 @@ def test_no_scene_has_a_nan_anywhere(scene: Scene) -> None:
         assert not np.isnan(image.color).any()
         assert not np.isnan(image.depth).any()
         assert not np.isnan(image.normal).any()
-
-
-@PLAIN
-@given(scenes(moderate, st.floats(1e-3, 1e4)))
-def test_ids_and_order_are_those_of_the_oracle(scene: Scene) -> None:
-    image = picture(scene)
-    eye, centers, radii = camera_space(scene)
-    want, _ = closest(eye, rays(scene.camera), centers, radii)
-    # Only where the difference to the eye is a double is camera space what the oracle computes with.
-    exact = np.array(two_sum(centers, -eye)[1]) == 0
-    if exact.all():
-        assert np.array_equal(image.id.ravel(), want)
 
 
 @PLAIN
@@ -150,20 +131,6 @@ def test_powers_are_rounded_once(spheres: list[tuple[float, float, float, float]
         assert (got > 0) - (got < 0) == (exact > 0) - (exact < 0)
         assert abs(Fraction(got) - exact) <= abs(exact) * Fraction(1, 2**52)
         assert abs(Fraction(got) + Fraction(more) - exact) <= abs(exact) * Fraction(1, 2**99)
-
-
-@PLAIN
-@given(st.tuples(moderate, moderate, moderate), st.tuples(moderate, moderate, moderate))
-def test_camera_space_is_rounded_once(point: tuple[float, ...], eye: tuple[float, ...]) -> None:
-    try:
-        camera = Camera(eye, (1.0, 2.0, 3.5), (0.25, 1.0, -0.125))
-    except ValueError:
-        return
-    basis = np.array(camera.basis())
-    got, _ = dot_products(basis, *two_sum(np.array([point]), -np.array(eye)))
-    for axis, value in zip(basis.tolist(), got[0].tolist(), strict=True):
-        exact = sum(Fraction(a) * (Fraction(p) - Fraction(e)) for a, p, e in zip(axis, point, eye, strict=True))
-        assert value == float(exact)
 
 
 @pytest.mark.slow

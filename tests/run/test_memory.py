@@ -39,18 +39,19 @@ def status(name):
     gc.collect()
     ctypes.CDLL(None).malloc_trim(0)
     return next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith(name)) * 1024
+
+def peak(scene):  # of bytes, over those that are there
+    before = status("VmRSS")
+    open("/proc/self/clear_refs", "w").write("5")  # forgets the last one
+    Renderer(scene(), sys.argv[1]).render()
+    return status("VmHWM") - before
 """
 PEAK = """
-device, n = sys.argv[1], 3_000_000
+n = 3_000_000
 for lights in (1, 4):
-    Renderer(Scene.from_spheres(camera, lamps(lights), *balls(50_000)), device).render()  # builds programs
+    Renderer(Scene.from_spheres(camera, lamps(lights), *balls(50_000)), sys.argv[1]).render()  # builds programs
     arrays = balls(n)
-    before = status("VmRSS")
-    open("/proc/self/clear_refs", "w").write("5")  # forgets the peak
-    renderer = Renderer(Scene.from_spheres(camera, lamps(lights), *arrays), device)
-    renderer.render()
-    print((status("VmHWM") - before) / n)
-    del renderer
+    print(peak(lambda: Scene.from_spheres(camera, lamps(lights), *arrays)) / n)
 """
 FLAT = """
 renderer = Renderer(Scene.from_spheres(camera, lamps(1), *balls(40_000)), sys.argv[1])
@@ -91,10 +92,7 @@ def scene(material):
     return Scene.from_meshes(camera, lamps(1), [cltrace.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)],
                              uv=[(0, 0), (1, 0), (0, 1)], material=material)])
 Renderer(scene(cltrace.Material(texture=texels[:9, :9].copy())), sys.argv[1]).render()
-before = status("VmRSS")
-open("/proc/self/clear_refs", "w").write("5")
-Renderer(scene(material), sys.argv[1]).render()
-print((status("VmHWM") - before) / texels[..., 0].size)
+print(peak(lambda: scene(material)) / texels[..., 0].size)
 """
 
 
