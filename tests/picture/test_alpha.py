@@ -70,20 +70,6 @@ def test_the_backgrounds_alpha_stays_with_the_scene() -> None:
     assert cltrace.Scene.from_meshes(cltrace.Camera(), [], [], background="#fff0").background_alpha == 0
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"background": (1, 1, 1, 1.5)}, "background_alpha: must be within 0..1, as it is an alpha, got 1.5"),
-        ({"background": (0, 0, 200, 0)}, "background: must be linear with 1 as full, but whole numbers up to 200"),
-        ({"background_alpha": 2}, "background_alpha: must be within 0..1, as it is an alpha, got 2"),
-    ],
-)
-def test_what_is_no_alpha_is_said(given: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError) as caught:
-        replace(usual_scene(), **given)
-    assert str(caught.value).startswith(message)
-
-
 def test_transparent_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = tmp_path / "a.png"
     assert cli.main([str(SCENE), "--size", "90x60", "--transparent", "-o", str(target), "--check=all"]) == 0

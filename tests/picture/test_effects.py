@@ -182,10 +182,7 @@ def test_movies_updates_and_other_outputs(device: Device) -> None:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        (
-            {"fog": ("white", 1, 2), "outputs": ("error",), "antialias": True},
-            "outputs: error goes with neither outline",
-        ),
+        ({"fog": ("white", 1, 2), "outputs": ("error",), "antialias": True}, "outputs: error goes with neither outl"),
         ({"outline": "black"}, r"outline: must be \(color, width\), such as \('black', 2\), got 'black'"),
         ({"outline": ("black", 0)}, r"outline: width: must be within \(0, 64\] pixels, got 0"),
         ({"outline": ((0, 0, 255), 2)}, "outline: color: .* look like bytes"),

@@ -33,16 +33,13 @@ def test_what_is_read_is_what_was_written(shape: tuple[int, ...]) -> None:
 def test_rows_may_come_in_any_pieces() -> None:
     """More than a chunk of compressed bytes, in pieces of one band and of many."""
     pixels = np.random.default_rng(4).integers(0, 256, (900, 700, 3), np.uint8)
-    whole, cuts = written(pixels), [0, 16, 32, 256, 272, 896, 900]
     file = io.BytesIO()
     rows = png.Rows(file, pixels.shape, pixels.dtype)
-    for begin, end in pairwise(cuts):
+    for begin, end in pairwise([0, 16, 32, 256, 272, 896, 900]):
         rows.write(pixels[begin:end])
     rows.close()
-    assert file.getvalue() == whole
-    assert whole.count(b"IDAT") > 1
-    with Picture.open(file) as picture:
-        assert np.array_equal(np.asarray(picture), pixels)
+    assert file.getvalue() == written(pixels)
+    assert file.getvalue().count(b"IDAT") > 1
 
 
 def test_text() -> None:

@@ -118,8 +118,3 @@ def test_what_else_knows_the_curve(any_device: Device) -> None:
     assert "sRGB" not in str(cltrace.explain(replace(scene, transfer="linear"), 20, 24))
     with pytest.raises(ValueError, match=r"^scene: must have the transfer 'linear', as scene files have, got 'srgb'$"):
         cltrace.compare(scene, Image(rgb8=image.rgb8))
-
-
-def test_what_is_no_curve_is_said() -> None:
-    with pytest.raises(ValueError, match=r"^transfer: must be linear or srgb, got 'gamma'$"):
-        replace(lit(), transfer="gamma")
