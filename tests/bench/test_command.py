@@ -73,16 +73,9 @@ def test_without_matplotlib(tmp_path: Path) -> None:
         (["--from", "file", "--quick"], 2, "cltrace-bench: --counted, --from and --publish go with no scenes"),
     ],
 )
-def test_faults(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    arguments: list[str],
-    status: int,
-    message: str,
-) -> None:
-    (tmp_path / "file").write_text("")
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.usefixtures("own_folder")
+def test_faults(arguments: list[str], status: int, message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("file").touch()
     assert cli.main([*arguments, "--no-plots"]) == status
     assert capsys.readouterr().err.startswith(message)
 

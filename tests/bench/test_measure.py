@@ -108,7 +108,7 @@ def test_errors_are_found() -> None:
     assert replace(truth.compare(right, right), t_ulp=0.0) == truth.Errors(0, 0.0, 0, 0)
     wrong = truth.Answer(*(getattr(right, name).copy() for name in NAMES))
     wrong.id[hit[0]] = -1
-    wrong.id[miss] = 5
+    wrong.id[miss], wrong.depth[miss] = 5, 9
     wrong.id[hit[1]] += 1
     wrong.depth[hit[2]] += 8 * np.spacing(np.float32(right.depth[hit[2]]))
     wrong.light[hit[4:6]] = 0
@@ -118,19 +118,10 @@ def test_errors_are_found() -> None:
     found = truth.compare(wrong, right)
     assert (found.wrong_ids, found.false_shadows, found.leaks) == (5, 2, 3)
     assert found.t_ulp == pytest.approx(8, abs=0.51)
-
-
-def test_the_larger_error_counts() -> None:
-    """Of all pixels, and of those that are held against the reference."""
-    scene = scenes.cloud(16, SMALL)
-    right = truth.exact(scene, every_pixel(scene))
-    wrong = truth.Answer(*(getattr(right, name).copy() for name in NAMES))
-    pixels = np.flatnonzero(right.id >= 0)[:9]
-    wrong.id[pixels[:3]] += 1
-    held = truth.Truth(np.zeros((27, 48, 3)), right, pixels, right.at(pixels))
-    assert held.errors(wrong).wrong_ids == 3  # type: ignore[union-attr]
-    assert replace(held, answer=wrong).errors(wrong).wrong_ids == 3  # type: ignore[union-attr]
-    assert truth.Truth(np.zeros((27, 48, 3))).errors(wrong) is None
+    # The larger error counts, of all pixels and of those that are held against the reference.
+    held = truth.Truth(np.zeros((27, 48, 3)), right, hit, right.at(hit))
+    assert held.errors(wrong).wrong_ids == 5  # type: ignore[union-attr]
+    assert replace(held, answer=wrong).errors(wrong).wrong_ids == 2  # type: ignore[union-attr]
 
 
 # --------------------------------------------------------------------------------------------------------- measurement

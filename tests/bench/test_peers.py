@@ -19,10 +19,17 @@ from cltrace.bench.peers import PeerError
 SMALL, LARGER = (48, 27), (160, 90)
 
 
+def written(program: Path, text: str) -> str:
+    """The name of a program that holds this text."""
+    program.write_text(text)
+    program.chmod(0o755)
+    return str(program)
+
+
 def test_a_peer(tmp_path: Path) -> None:
     """A program in Embree's place: what is written for it can be read, and what it writes is taken."""
-    program = tmp_path / "peer"
-    program.write_text(
+    program = written(
+        tmp_path / "peer",
         f"#!{sys.executable}\n"
         "import struct, sys\n"
         "data = open(sys.argv[1], 'rb').read()\n"
@@ -33,10 +40,9 @@ def test_a_peer(tmp_path: Path) -> None:
         "open(sys.argv[3], 'wb').write(bytes(range(3)) * (w * h))\n"
         "way = int(sys.argv[5])\n"
         'print(f\'{{"build": 1.5, "frames": [{[3, 2.5, 4][way]}, {sys.argv[2]}]}}\')\n'
-        "sys.exit(sys.argv[4] != '0')\n"
+        "sys.exit(sys.argv[4] != '0')\n",
     )
-    program.chmod(0o755)
-    one = peers.Embree(str(program), tmp_path, "3", ("samples", "samples", 4))
+    one = peers.Embree(program, tmp_path, "3", ("samples", "samples", 4))
     scene = scenes.cloud(16, SMALL)
     assert one.refuses(scene) == ()
     # The way that was the fastest is the only one from then on.
@@ -52,19 +58,15 @@ def test_a_peer(tmp_path: Path) -> None:
 def test_a_peer_has_its_seconds_for_each_of_two_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first run of one that draws several has to compile, too; it may not hang for all of a hundred frames."""
     monkeypatch.setattr(peers, "PEER_SECONDS", 0.2)
-    program = tmp_path / "peer"
-    program.write_text("#!/bin/sh\nexec sleep 60\n")
-    program.chmod(0o755)
+    program = written(tmp_path / "peer", "#!/bin/sh\nexec sleep 60\n")
     for frames, most in ((1, "0.2"), (2, "0.4"), (100, "0.4")):
         with pytest.raises(PeerError, match=f"^peer took more than {most} s$"):
-            peers.call([str(program)], frames)
+            peers.call([program], frames)
 
 
 def test_a_peer_of_an_unknown_version_is_a_peer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What has no version is ours."""
-    program = tmp_path / "povray"
-    program.write_text("#!/bin/sh\n")
-    program.chmod(0o755)
+    written(tmp_path / "povray", "#!/bin/sh\n")
     monkeypatch.setenv("PATH", str(tmp_path))
     assert {each.version for each in peers.povray_tracers(tmp_path)} == {"unknown"}
 
