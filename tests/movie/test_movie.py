@@ -209,7 +209,6 @@ def test_what_is_refused(call: Callable[[], Any], error: type[Exception], messag
         ("", "must not be empty"),
         ("f.png", "must have a %04d for the number of a frame, such as frame%04d.png, got 'f.png'"),
         ("f%04d%04d.png", "must have one %d or %04d"),
-        ("f%s.png", "must have one %d or %04d"),
         ("f%4d.png", "must have one %d or %04d"),
         ("f%04d.gif", "a movie is one file, and its name has no number"),
         ("f%04d.jpg", "the name of frames must end in .png, of a movie in .mp4, .gif, .apng, got 'f%04d.jpg'"),
@@ -502,11 +501,10 @@ def test_orbit_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
 
 def test_several_scenes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Each gets its picture; a fault of one is told, and the others are drawn."""
-    texts = [FILE.read_text(), FILE.read_text().replace('radius="0.5"', 'radius="-1"')]
-    for name, text in zip(
-        ("a.xml", "bad.xml", "c.xml"), (*texts, texts[0].replace("step3-shadows.png", "c.png")), strict=True
-    ):
-        (tmp_path / name).write_text(text)
+    text = FILE.read_text()
+    (tmp_path / "a.xml").write_text(text)
+    (tmp_path / "bad.xml").write_text(text.replace('radius="0.5"', 'radius="-1"'))
+    (tmp_path / "c.xml").write_text(text.replace("step3-shadows.png", "c.png"))
     (tmp_path / "out").mkdir()
     scene = cltrace.load(FILE)
     scene = scene.seen_by(replace(scene.camera, resolution=(40, 30)))

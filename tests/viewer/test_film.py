@@ -75,7 +75,6 @@ def test_a_function_makes_frames(spec: str) -> None:
     assert asked == [0, 1]
     session.handle(Event("frame", 2))
     message = session.draw()
-    assert message
     assert (message.kind, message.text) == ("error", "frames[2]: OSError('no such step')")
     session.handle(Event("frame", 0))
     assert kinds(drawn(session)) == ["moving", "exact", "smooth"]
@@ -97,42 +96,33 @@ def test_what_is_no_movie(frames: Any, count: Any, words: str) -> None:
         film_of(frames, count, None, 25, lambda *_: None)
 
 
-def test_the_button_writes_what_animate_does(spec: str, tmp_path: Path) -> None:
+def test_the_button_of_a_closed_window_writes_nothing(spec: str, tmp_path: Path) -> None:
     cameras, file = cltrace.orbit(SCENE, 3), tmp_path / "turn.apng"
     session = session_of(cameras, spec, output=str(file))
-    assert kinds(session.answer(Event("write"))) == ["said", "said"]
-    written = file.read_bytes()
-    cltrace.animate(cameras, file, scene=SCENE, device=spec, fps=10, progress=False)
-    assert file.read_bytes() == written
-    file.unlink()
     session.close()
     assert kinds(session.answer(Event("write"))) == ["said"]
     assert not file.exists()
     assert list(session_of(cameras, spec).answer(Event("write"))) == []
 
 
-def stage_of(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> Stage:
-    """What the command would serve."""
-    found: list[Stage] = []
-    monkeypatch.setattr(command, "serve", lambda stage, *_: found.append(stage))
-    assert command.view(options_of(["view", str(FILE), *arguments]), Reporter(True)) == 0
-    return found[0]
-
-
-def test_the_commands_movie(spec: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("name", "options", "count", "fps"),
+    [("a.gif", ("--fps", "10"), 4, 10), ("a%02d.png", ("--frames", "1:4:2", "--axis", "x"), 2, 25)],
+)
+def test_the_commands_movie(
+    name: str, options: tuple[str, ...], count: int, fps: int, spec: str, tmp_path: Path, monkeypatch: Any
+) -> None:
     """The frames and the file of the command without `view`."""
-    for name, options in (("a.gif", ("--fps", "10")), ("a%02d.png", ("--frames", "1:4:2", "--axis", "x"))):
-        file = tmp_path / name
-        arguments = ["--orbit", "4", "-o", str(file), "-d", spec, *options]
-        session = Session(stage_of(monkeypatch, *arguments))
-        count = 4 if name == "a.gif" else 2
-        state = drawn(session)[-1].state
-        assert (state["frames"], state["file"], state["fps"]) == (count, str(file), 10 if name == "a.gif" else 25)
-        assert [message.text for message in session.answer(Event("write"))][-1] == f"{file} is written"
-        written = {path: path.read_bytes() for path in tmp_path.iterdir()}
-        for path in written:
-            path.unlink()
-        assert cli.main([str(FILE), "-q", *arguments]) == 0
-        assert {path: path.read_bytes() for path in tmp_path.iterdir()} == written
-        for path in written:
-            path.unlink()
+    file, stages = tmp_path / name, list[Stage]()
+    arguments = [str(FILE), "--orbit", "4", "-o", str(file), "-d", spec, *options]
+    monkeypatch.setattr(command, "serve", lambda stage, *_: stages.append(stage))
+    assert command.view(options_of(["view", *arguments]), Reporter(True)) == 0
+    session = Session(stages[0])
+    state = drawn(session)[-1].state
+    assert (state["frames"], state["file"], state["fps"]) == (count, str(file), fps)
+    assert [message.text for message in session.answer(Event("write"))][-1] == f"{file} is written"
+    written = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    for path in written:
+        path.unlink()
+    assert cli.main([*arguments, "-q"]) == 0
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == written
