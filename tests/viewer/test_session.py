@@ -64,15 +64,6 @@ def command(folder: Path, *arguments: str) -> bytes:
     return file.read_bytes()
 
 
-def test_pictures_at_rest_are_the_commands(session: Session, spec: str, tmp_path: Path) -> None:
-    exact, smooth = drawn(session)
-    assert (exact.kind, smooth.kind) == ("exact", "smooth")
-    assert exact.home
-    assert exact.data == command(tmp_path, "-d", spec)
-    assert smooth.data == command(tmp_path, "-d", spec, "--antialias")
-    assert (exact.width, exact.height) == cltrace.load(FILE).camera.resolution
-
-
 # Each is a kernel to compile.
 OTHERS = [pytest.param(view, marks=pytest.mark.slow) if view in ("primitive", "uv", "lit") else view for view in VIEWS]
 
@@ -110,9 +101,7 @@ def test_old_pictures_are_dropped(session: Session) -> None:
         session.handle(Event("orbit", 0.01))
     assert [message.number for message in drawn(session)] == [100, 100, 100]
     session.handle(Event("zoom", 0, 1))
-    moving = session.draw()
-    assert moving
-    assert moving.kind == "moving"
+    assert session.draw().kind == "moving"
     session.handle(Event("zoom", 0, 1))
     assert session.phase == "moving"
 
@@ -160,14 +149,16 @@ def test_what_cannot_be_changes_nothing(session: Session) -> None:
     assert len(drawn(session)) == 2
 
 
-def test_centre(session: Session) -> None:
+@pytest.mark.parametrize("parallel", [False, True])
+def test_centre(session: Session, parallel: bool) -> None:
+    if parallel:
+        session.handle(Event("parallel"))
     drawn(session)
     assert list(session.answer(Event("centre", 0, 0))) == []
     assert session.phase == "done"
-    x, y = 200, 180
-    hit = cltrace.trace_rays(session.stage.scene, *cameras.ray(session.camera, x, y))
-    assert list(session.answer(Event("centre", x, y))) == []
-    assert session.camera.lookat == tuple(hit.point[0])
+    explained = cltrace.explain(session.stage.scene.seen_by(session.camera), 200, 180)
+    assert list(session.answer(Event("centre", 200, 180))) == []
+    assert session.camera.lookat == pytest.approx(explained.rays[0].hit.point)
     assert session.phase == "moving"
 
 
@@ -232,20 +223,6 @@ def test_another_scene(stage: Stage, session: Session, spec: str) -> None:
     assert told == ["", stage.fault]
 
 
-def test_what_a_picture_cannot_be_is_said(spec: str) -> None:
-    """It is not there, and all else goes on."""
-    lights = [cltrace.parallel_light((0, 0, -1))] * 33
-    camera = cltrace.Camera((0, 0, 9), resolution=(32, 32))
-    session = Session(Stage(cltrace.Scene.from_spheres(camera, lights, [(0, 0, 0)], 1), choose(spec)))
-    session.handle(Event("show", name="lit"))
-    message = session.draw()
-    assert message
-    assert (message.kind, message.text) == ("error", "lit: must be of at most 32 lights, got 33")
-    assert session.draw() is None
-    session.handle(Event("show", name="color"))
-    assert [message.kind for message in drawn(session)] == ["moving", "exact", "smooth"]
-
-
 def test_comparison(spec: str, tmp_path: Path) -> None:
     mine = tmp_path / "mine.png"
     scene = cltrace.load(FILE)
@@ -266,16 +243,13 @@ def test_comparison(spec: str, tmp_path: Path) -> None:
 
 def test_pictures_that_take_long_are_smaller(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where it is their file that does."""
-    assert [next_divisor(d, 2 * PACE) for d in (1, 2, 3, 4)] == [2, 3, 4, 4]
     assert [next_divisor(d, PACE / 5) for d in (1, 2, 3, 4)] == [1, 1, 2, 3]
     assert next_divisor(2, 0.9 * PACE) == 2
     write = Drawn.file
     monkeypatch.setattr(Drawn, "file", lambda *which: (time.sleep(2 * PACE), write(*which))[1])
-    for height in (180, 120, 90):
+    for height in (180, 120, 90, 90):
         session.handle(Event("orbit", 0.1))
-        moving = session.draw()
-        assert moving
-        assert len(pixels(moving)) == height
+        assert len(pixels(session.draw())) == height
 
 
 @pytest.mark.parametrize("text", ["", "[]", "1", '{"x": 1}', '{"kind": "fall"}', '{"kind": ["orbit"]}'])
@@ -307,13 +281,10 @@ def test_the_explained_surface_is_outlined(session: Session, spec: str) -> None:
     line = pixels(pictures[2])
     assert not line[~seen, :3].any()
     assert (line[seen & (line[..., 3] > 0), :3] == (255, 220, 0)).all()
-    ys, xs = np.nonzero(line[..., 3])
-    for rows in (ys.min() - 1, ys.max() + 1):
-        assert not np.array([seen[rows], line[rows, :, 3] > 0]).any() or seen[rows].all()
     inner = seen[1:-1, 1:-1] & seen[:-2, 1:-1] & seen[2:, 1:-1] & seen[1:-1, :-2] & seen[1:-1, 2:]
     assert not line[1:-1, 1:-1][inner].any()
     assert (line[1:-1, 1:-1, 3][seen[1:-1, 1:-1] & ~inner] == 255).all()
-    assert len(xs) > 100
+    assert np.count_nonzero(line[..., 3]) > 100
     list(session.answer(Event("explain", 0, 0)))
     session.handle(Event("orbit", 0.1))
     assert kinds(drawn(session)) == ["moving", "exact", "smooth"]
