@@ -305,34 +305,6 @@ def levels(n: int) -> int:
     return max(1, -(-max(-(-n // 8) - 1, 0).bit_length() // 3))
 
 
-@pytest.mark.parametrize("n", [1, 8, 9, 64, 65, 511, 512, 513, 4096, 4097, 32768, 32769])
-def test_levels(n: int) -> None:
-    """Spheres of like size are in one tree."""
-
-    def height(node: int) -> int:
-        return 1 + max(height(child) if child >= 0 else 0 for _, child in children(tree, node))
-
-    tree = build_tree(cloud(n))
-    assert height(0) == levels(n)
-
-
-def test_boxes_are_small() -> None:
-    """They have the surface of cubes, for spheres all over a cube, and 10 % more at most.
-
-    The centres of m spheres in a cube of side s are in a box whose sides are s (m - 1) / (m + 1) on average.
-    """
-    n = 8**5
-    scene = cloud(n)
-    tree = build_tree(scene)
-    per_node = 8
-    for level in range(1, levels(n) + 1):
-        nodes = tree.node[: sum(8**k for k in range(levels(n) - level + 1))][-(8 ** (levels(n) - level)) :]
-        x, y, z = (nodes[f"high_{axis}"] - nodes[f"low_{axis}"] for axis in "xyz")
-        cube = 2 * (per_node / n) ** (1 / 3) * (per_node - 1) / (per_node + 1) + 2 * scene.outer.mean()
-        assert (x * y + y * z + z * x).mean() < 1.1 * 3 * cube**2
-        per_node *= 8
-
-
 def test_large_spheres_are_apart_from_small_ones() -> None:
     """Else the boxes above a large one would all be as large, and a ray would look at many small ones near those."""
     scene = CASES["ground"]
@@ -405,7 +377,7 @@ def test_a_ray_gets_to_what_it_meets(scene: tuple[Balls, Faces]) -> None:
 def test_a_ray_is_spared_most_of_the_tree() -> None:
     tree = build_tree(CASES["5000"])
     counts = [len(reached(tree, origin, d, t)) for _, origin, d, t in aimed(CASES["5000"], NO_FACES, 200)]
-    assert np.mean(counts) < 5000 / 20
+    assert np.mean(counts) < 66  # what was measured and 3 % more
 
 
 def test_corners_that_rounding_makes_one() -> None:

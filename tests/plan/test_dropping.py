@@ -138,32 +138,6 @@ def test_nothing_is_brighter_than_the_brightest() -> None:
     assert close > 0.99  # a background may be the brightest
 
 
-def test_each_part_of_the_brightest_counts() -> None:
-    """One sphere whose ambient colour, diffuse colour, highlight and background are powers of two."""
-
-    def peak(background: float = 0.0, **material: float) -> float:
-        lights = [cltrace.ambient_light((1, 1, 1)), cltrace.point_light((0, 0, 9)), cltrace.parallel_light((0, 0, -1))]
-        factors = {"ka": 0.0, "kd": 0.0, "ks": 0.0} | material
-        scene = Scene.from_spheres(
-            cltrace.Camera(),
-            lights,
-            [(0, 0, -3)],
-            1.0,
-            background=(background,) * 3,
-            **factors,  # type: ignore[arg-type]
-        )
-        materials = Materials.of(scene, Request(), None)
-        of = scene.spheres["material"]
-        values = brightest(materials, of, useful_lights(scene.lights, materials.reflect(of), False), scene.background)
-        return float(values.max()) / (1 + 2.0**-12)
-
-    assert peak(background=0.5) == 0.5
-    assert peak(ka=0.5) == 0.5
-    assert peak(kd=0.5) == 1
-    assert peak(ks=0.5) == 1
-    assert peak(ka=0.25, kd=0.5, ks=1, background=3.0) == 3.25
-
-
 # ------------------------------------------------------------------------------------------------------- too many rays
 
 

@@ -190,13 +190,6 @@ def test_shadows_of_a_point_light(
     assert cast_shadow_ray(world, at, world.lights[0]) is shadowed, name
 
 
-def test_shadows_of_a_parallel_light_reach_to_infinity() -> None:
-    for z, shadowed in ((1e9, True), (-1e9, False)):
-        world = world_of(scene_of((0, 0, -5, 2), (0, 0, z, 1), lights=(cltrace.parallel_light((0, 0, -1)),)))
-        at = balls_of(world)[0].intersection_at(AHEAD, 3)
-        assert cast_shadow_ray(world, at, world.lights[0]) is shadowed
-
-
 def test_own_surface_blocks_only_from_inside_and_only_lights_that_are_outside() -> None:
     for maps, z, lit in (
         *(({}, z, lit) for z, lit in ((-1.0, True), (3.0, False), (2.0, True))),
@@ -206,11 +199,6 @@ def test_own_surface_blocks_only_from_inside_and_only_lights_that_are_outside() 
         assert (trace(world_of(scene), AHEAD)[0][0] > 0) is lit
     outside = scene_of((0, 0, 0, 2), lights=(cltrace.parallel_light((0, 0, -1)),), ka=0, kd=1, ks=0)
     assert trace(world_of(outside), AHEAD)[0] == (0, 0, 0)
-
-
-def test_background() -> None:
-    scene = scene_of((0, 0, 5, 2), background=(0.1, 0.2, 0.3))
-    assert trace(world_of(scene), AHEAD) == ((0.1, 0.2, 0.3), None)
 
 
 WIDE = Camera(horizontal_fov=45, resolution=(4, 2), square_pixels=False)
@@ -449,13 +437,6 @@ def test_total_reflection_begins_at_the_critical_angle(index: float) -> None:
         assert (refracted(out, UP, 1, 1 / index) is None) is total
 
 
-def test_without_a_difference_of_index_a_ray_goes_straight_on() -> None:
-    for d in (Direction(0.1, -0.7, 0.3), Direction(1, -1e-300, 0), Direction(1, 0, 0)):
-        assert refracted(d, UP, 1, 1.0) is d
-    assert refracted(Direction(0, -3, 0), UP, 1, 1.5) == Direction(0, -3, 0)
-    assert refracted(Direction(0, 3, 0), UP, -1, 1.5) == Direction(0, 3, 0)
-
-
 def seen(*spheres: tuple[float, float, float, float], ray: Ray = AHEAD, bounces: int = 8, **options: object) -> float:
     """The red that a ray sees of spheres under one ambient light, which show ka times their red."""
     scene = scene_of(*spheres, lights=(cltrace.ambient_light((1, 1, 1)),), **options)
@@ -464,6 +445,7 @@ def seen(*spheres: tuple[float, float, float, float], ray: Ray = AHEAD, bounces:
 
 
 TWO, DOUBLING = [(0, 0, -5, 2), (0, 0, 9, 1)], {"ka": 0.5, "reflectance": 2}
+ASLANT = Ray(Point(0.3, -0.2, 0.1), Direction(0.4, 0.5, -1))
 
 
 @pytest.mark.parametrize(
@@ -482,6 +464,10 @@ TWO, DOUBLING = [(0, 0, -5, 2), (0, 0, 9, 1)], {"ka": 0.5, "reflectance": 2}
         # What is met after the last bounce counts in full: within a mirror that doubles, its own share is none before.
         *(([(0, 0, 0, 3)], {**DOUBLING, "bounces": n}, 0.5 * 2.0 ** (n + 1)) for n in (0, 1, 5, 14)),
         ([(0, 0, 0, 3)], {**DOUBLING, "bounces": 100}, 2.0**21),  # the most that a sum holds
+        ([(0, 0, 0, 3)], {"ka": 0.5, "reflectance": 1, "bounces": 100, "ray": ASLANT}, 0.5),
+        # Sums are whole multiples, and opaque scenes have none.
+        (TWO[:1], {"ka": 0.1, "reflectance": 0.3}, round(0.7 * 0.1 * 2**60) / 2**60),
+        (TWO[:1], {"ka": 0.1}, 0.1),
     ],
 )
 def test_what_is_seen_in_mirrors_and_glass(
@@ -490,43 +476,11 @@ def test_what_is_seen_in_mirrors_and_glass(
     assert seen(*spheres, **options) == want
 
 
-def test_a_hundred_bounces() -> None:
-    ray = Ray(Point(0.3, -0.2, 0.1), Direction(0.4, 0.5, -1))
-    assert seen((0, 0, 0, 3), ka=0.5, reflectance=1, bounces=100, ray=ray) == 0.5
-
-
-def test_sums_are_whole_multiples_and_opaque_scenes_have_none() -> None:
-    mirror = seen((0, 0, -5, 2), ka=0.1, reflectance=0.3)
-    assert mirror == round(0.7 * 0.1 * 2**60) / 2**60
-    assert seen((0, 0, -5, 2), ka=0.1) == 0.1
-
-
 def test_too_many_rays_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Pixel, "RAYS", 100)
     assert seen((0, 0, 0, 3), reflectance=0.5, bounces=98) == pytest.approx(0.8, abs=1e-9)
     with pytest.raises(ValueError, match="max_bounces"):
         seen((0, 0, 0, 3), (0, 0, 0, 2.5), reflectance=0.5, transmittance=0.5, bounces=20)
-
-
-def test_a_ball_of_glass_turns_a_ray_by_twice_the_difference_of_its_angles() -> None:
-    """At height h the angles are asin(h) and asin(h / index); in and out turn the ray by the same."""
-    index = 1.5
-    for h in (0.0, 0.1, 0.5, 0.9, 0.999):
-        world = world_of(scene_of((0, -h, -5, 1), transmittance=1, index=index))
-        sphere, d = balls_of(world)[0], AHEAD.direction
-        at = closest_hit(world, AHEAD)
-        assert at is not None
-        inside = refracted(d, at.outward, 1, index)
-        assert inside is not None
-        far = closest_hit(world, Ray(at.start, inside))
-        assert far is not None
-        assert far.inside
-        assert far.surface is sphere
-        out = refracted(inside, far.outward, -1, index)
-        assert out is not None
-        turned = 2 * (math.asin(h) - math.asin(h / index))
-        assert math.atan2(-out.y, -out.z) == pytest.approx(turned, abs=2e-14 / math.sqrt(1 - h * h))
-        assert closest_hit(world, Ray(far.start, out)) is None
 
 
 def test_total_reflection_is_one_ray_of_both_weights() -> None:

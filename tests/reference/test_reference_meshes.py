@@ -13,8 +13,6 @@ import pytest
 from small_meshes import doubles_mesh, grid_mesh
 
 from cltrace import Camera, Material, Mesh, Scene, ambient_light, parallel_light, point_light
-from cltrace.base import arithmetic
-from cltrace.exact.lines import ExactPoint
 from cltrace.reference import (
     EYE,
     Direction,
@@ -30,9 +28,7 @@ from cltrace.reference import (
 )
 from cltrace.reference import Mesh as ReferenceMesh
 from cltrace.reference.bounce import bounces
-from cltrace.reference.rays import exact_line, way_of
 from cltrace.reference.trace import closest_hit, primary_ray, trace
-from cltrace.reference.triangles import Crossing
 
 AXES = Camera((0, 0, 0), (0, 0, -1), resolution=(1, 1))
 
@@ -140,7 +136,7 @@ def test_a_ray_may_start_anywhere_and_count_anywhere(z: float, t_min: float, t_m
     assert (at and (at.t, at.distance, at.primitive, at.point)) == (t and (t, t / 2, 0, Point(0.5, 0.5, -2)))
 
 
-# --------------------------------------------------------------------------------------------- from spheres, and bounds
+# --------------------------------------------------------------------------------------------------------- from spheres
 
 PYTHAGORAS = [(3, 4, 0), (0, -3, 4), (1, 2, 2), (2, -1, 2), (-2, 3, 6), (0, 0, -1), (6, 2, -3), (-4, 0, 3)]
 
@@ -161,42 +157,6 @@ def test_rays_from_spheres(seed: int) -> None:
         start, place = sphere.start(Direction(*n)), judge.Ball(center, radius).point(n)
         for i in rng.choice(len(WAYS), 2, replace=False):
             compare(surfaces, world, Ray(start, WAYS[i]), place)
-
-
-def numbers(point: ExactPoint) -> tuple[mpmath.mpf, mpmath.mpf, mpmath.mpf]:
-    x, y, z = ((n.p + n.q * mpmath.sqrt(n.s)) / point.over for n in point.numbers)
-    return x, y, z
-
-
-@mpmath.workdps(120)
-def test_every_value_is_within_its_bound() -> None:
-    """Of what Crossing derives bounds for; with a half of each bound to spare."""
-    rng = np.random.default_rng(7)
-    for k in range(24):
-        mesh = doubles_mesh(rng, [0.0, 1e7][k % 2])
-        eye = mesh.geometry.vertices[8] + rng.normal(size=3) * 10.0 ** rng.uniform(-9, 3)
-        camera = Camera(tuple(eye), tuple(eye + rng.normal(size=3)), tuple(rng.normal(size=3)), resolution=(1, 1))
-        scene = Scene.from_spheres(camera, (), eye[None] + 0.1, 1.0, meshes=[mesh])
-        world = world_of(scene)
-        ball, triangles = ball_of(world), mesh_of(world)
-        on_ball = ball.start(Direction(*rng.normal(size=3)).normalized())
-        for start in (EYE, on_ball, starts_of(world_of(scene_of(mesh, camera=camera)), rng)):
-            ray = Ray(start, Direction(*rng.normal(size=3)))
-            way, line = way_of(ray, triangles.view), exact_line(ray, triangles.view)
-            assert way is not None
-            for i in range(9):
-                triangle, w = triangles.triangle(i), numbers(line.direction)
-                crossing = Crossing(triangle, way)
-                A, B, C = (numbers(corner - line.start) for corner in triangle.exact.corners)
-                N = arithmetic.cross(arithmetic.minus(B, A), arithmetic.minus(C, A))
-                for got, want in (
-                    (crossing.D, arithmetic.dot(A, N)),
-                    (crossing.den, arithmetic.dot(N, w)),
-                    (crossing.ab, arithmetic.dot(arithmetic.cross(A, B), w)),
-                    (crossing.bc, arithmetic.dot(arithmetic.cross(B, C), w)),
-                    (crossing.ca, arithmetic.dot(arithmetic.cross(C, A), w)),
-                ):
-                    assert abs(want - mpmath.mpf(got.value)) <= mpmath.mpf(got.error) / 2
 
 
 # -------------------------------------------------------------------------------------------------- what is at a point
@@ -255,6 +215,8 @@ def test_outside_is_where_the_normals_point_to() -> None:
         ([(0, 1, 2)], [away] * 3, True),
         ([(0, 1, 2)], [towards, away, away], True),
         ([(0, 2, 1)], [(1, 0, 0)] * 3, True),
+        # The sum of the normals points away: the shading normal is on the other side of the triangle than the ray's.
+        ([(0, 1, 2)], [(3, 0, -0.1)] * 3, True),
     ):
         at = seen(scene_of(Mesh(WALL, faces, normals=normals)))
         assert at.inside is inside, (faces, normals)
@@ -275,13 +237,6 @@ def test_normals_are_interpolated_and_turned_as_normals_are() -> None:
     # Those that add up to nothing say nothing.
     at = seen(scene_of(Mesh(WALL, [(0, 1, 2)], normals=[(0, 1, 0), (0, -1, 0), (0, -1, 0)])))
     assert at.normal == Direction(0, 0, 1)
-
-
-def test_a_shading_normal_faces_the_ray() -> None:
-    """Also where that is the other side of the triangle than the ray's."""
-    at = seen(scene_of(Mesh(WALL, [(0, 1, 2)], normals=[(3, 0, -0.1)] * 3)))
-    assert at.normal.z > 0
-    assert at.inside  # the sum of the normals points away
 
 
 CHECKS = np.array([[(255, 0, 0), (0, 255, 0)], [(0, 0, 255), (255, 255, 255)]], np.uint8)

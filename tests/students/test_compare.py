@@ -120,14 +120,6 @@ def test_false_names_are_rare_in_a_thirtieth_of_the_grid(grid: Grid, monkeypatch
         assert len(missed) <= 0.15 * len(alike), missed
 
 
-def test_what_remembers_pictures_traces_the_same(grid: Grid) -> None:
-    scene, rules = grid.scene("step3-shadows", (40, 30)), RIGHT.changed(sample=(0.0, 0.5))
-    pixels = np.random.default_rng(6).integers(0, 30, (100, 2))
-    remembering = Remembering(scene)
-    for _ in range(4):
-        np.testing.assert_allclose(remembering.colors(pixels, rules), Tracer(scene).colors(pixels, rules), atol=1e-12)
-
-
 def noisy(picture: Bytes) -> Bytes:
     """With a level more or less, or neither, in each channel."""
     noise = np.random.default_rng(1).integers(-1, 2, picture.shape)
