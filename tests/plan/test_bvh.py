@@ -40,17 +40,6 @@ def cloud(n: int, seed: int = 1) -> Balls:
     return balls(r.uniform(-1, 1, (n, 3)), r.uniform(0.1, 0.6, n) * n ** (-1 / 3))
 
 
-def shell(n: int) -> Balls:
-    r = rng(2)
-    d = r.normal(size=(n, 3))
-    return balls(d / np.linalg.norm(d, axis=1, keepdims=True), r.uniform(0.5, 1.5, n) / np.sqrt(n))
-
-
-def grid(side: int) -> Balls:
-    axis = (np.arange(side) + 0.5) / side * 2 - 1
-    return balls(np.stack(np.meshgrid(axis, axis, axis), axis=-1), 0.8 / side)
-
-
 def mixed(n: int) -> Balls:
     """Radii from a thousandth of the typical distance to a hundred times as much."""
     r = rng(3)
@@ -80,21 +69,16 @@ CASES = {
     "none": balls([]),
     "one": balls([0.5, -0.25, 0.1]),
     "two": balls([[0.5, -0.25, 0.1], [-0.5, 0, 0]], [0.3, 0.1]),
-    "eight": cloud(8),
     "nine": cloud(9),
-    "64": cloud(64),
     "65": cloud(65),
     "1000": cloud(1000),
     "5000": cloud(5000),
-    "shell": shell(3000),
-    "grid": grid(12),
     "mixed": mixed(3000),
     "ground": ground(2000),
     "sizes": sizes(4000),
     "thin": thin(700),
     "equal": balls(np.full((700, 3), 1 / 3)),
     "equal centres": balls(np.full((700, 3), 1 / 3), rng(6).uniform(1e-6, 0.5, 700)),
-    "line": balls(np.linspace(-1, 1, 600)[:, None] * np.array([1, 0, 0])),
     "diagonal": balls(np.linspace(-1, 1, 600)[:, None] * np.array([1, -1, 1])),
     "close, and one far away": balls(np.concatenate([rng(7).uniform(0, 1e-30, (300, 3)), [[1, 1, -1]]]), 1e-32),
     "below float32": balls(rng(8).uniform(-1, 1, (300, 3)) * 1e-44, 1e-46),
@@ -134,14 +118,8 @@ def sheet(side: int, height: float = 0.0) -> Floats:
     )
 
 
-def with_huge(n: int) -> Floats:
-    """Small ones among a few that are as large as everything."""
-    return np.concatenate([soup(n, 0.005), soup(5, 0.4, 24)])
-
-
 MESHES = {
     "one": soup(1, 0.2),
-    "eight": soup(8, 0.1),
     "nine": soup(9, 0.1),
     "300": soup(300, 0.1),
     "3000": soup(3000, 0.02),
@@ -150,7 +128,8 @@ MESHES = {
     "lines": needles(300, 0) + np.array([[0], [0], [1]]) * (needles(300, 0)[:, 1:2] - needles(300, 0)[:, :1]),
     "sheet": sheet(20),
     "rough sheet": sheet(20, 0.01),
-    "huge": with_huge(1000),
+    # Small ones among a few that are as large as everything.
+    "huge": np.concatenate([soup(1000, 0.005), soup(5, 0.4, 24)]),
     "twice": np.repeat(soup(200, 0.05), 2, axis=0),
     "equal": np.repeat(soup(1, 0.2), 100, axis=0),
     "tiny": soup(300, 1e-9),
@@ -177,12 +156,6 @@ def children(tree: BoxTree, node: int) -> Iterator[tuple[int, int]]:
     for slot in range(8):
         if tree.node["low_x"][node, slot] <= tree.node["high_x"][node, slot]:
             yield slot, int(tree.node["child"][node, slot])
-
-
-def sides(tree: BoxTree, node: int, slot: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    record = tree.node[node]
-    low = np.array([record[f"low_{axis}"][slot] for axis in "xyz"])
-    return low, np.array([record[f"high_{axis}"][slot] for axis in "xyz"])
 
 
 def leaf_index(tree: BoxTree, child: int) -> Ints:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hostile.sphere_regimes import rays as camera_rays
 from random_scenes import crowded, fuzzed_scene, random_scene
-from stress_cases import OUTPUTS, picture, renderer
+from stress_cases import OUTPUTS, assert_same, picture, renderer
 
 import cltrace
 from cltrace import Camera, Material, Mesh, Scene
@@ -30,8 +30,7 @@ def compare(scene: Scene, device: Device | None, names: tuple[str, ...], precisi
     want = picture(scene, device, precision)
     for name in names:
         image = picture(scene, device, precision, keep=(name,))
-        for output in ("rgb8", "color", "normal", "depth", "id"):
-            assert np.array_equal(getattr(image, output), getattr(want, output)), (name, precision, output)
+        assert_same(image, want, ("rgb8", "color", "normal", "depth", "id"), (name, precision))
 
 
 @pytest.mark.parametrize("many", [2, 3000], ids=["few", "many"])
@@ -136,8 +135,7 @@ def test_what_very_many_spheres_get_is_the_same_picture(device: Device, monkeypa
                 assert "WITH_PREFETCH" in drawn.plan.features
                 assert (drawn.plan.arrays["grid"]["cells"][:, 3] > 1).any()
                 image = drawn.render()
-            for output in OUTPUTS:
-                assert np.array_equal(getattr(image, output), getattr(want, output)), (number, precision, output)
+            assert_same(image, want, OUTPUTS, (number, precision))
 
 
 @pytest.mark.slow
@@ -160,8 +158,7 @@ def test_shadows_of_spheres_much_smaller_than_their_distance(device: Device, mon
             work, kept = fetched.work(), renderer(scene, device, "accurate", keep=("filter",)).work()
         what = "spheres that are decided in full for a ray"
         assert work[what] < kept[what] / 2
-        for output in OUTPUTS:
-            assert np.array_equal(getattr(image, output), getattr(want, output)), (light, output)
+        assert_same(image, want, OUTPUTS, light)
 
 
 @pytest.mark.slow
@@ -178,8 +175,7 @@ def test_blocks_of_packets_are_the_same_picture(device: Device, width: int, monk
             drawn = cltrace.Renderer(scene, device, outputs=("rgb8", "id"), crop=crop, width=width)
             assert "WITH_BLOCKS" in drawn.plan.features
             image = drawn.render()
-        for output in ("rgb8", "id"):
-            assert np.array_equal(getattr(image, output), getattr(want, output)), (crop, output)
+        assert_same(image, want, ("rgb8", "id"), crop)
 
 
 @pytest.mark.slow
@@ -198,8 +194,7 @@ def test_a_sphere_that_stops_one_ray_is_asked_about_its_whole_packet(
     together = cltrace.Renderer(scene, device, "accurate", outputs=OUTPUTS, width=8)
     assert "WITH_BLOCKS" in together.plan.features
     image = together.render()
-    for output in OUTPUTS:
-        assert np.array_equal(getattr(image, output), getattr(want, output)), output
+    assert_same(image, want, OUTPUTS, "together")
     assert together.work()["spheres that float32 rules out for a ray"] < 0.99 * tried
 
 
@@ -217,7 +212,9 @@ def test_the_eye_inside_by_less_than_a_rounding(device: Device) -> None:
 PACKED = ("lists", "lights", "hidden", "receivers", "unstopped", "order")
 
 
-def scenes(seeds: range) -> None:
+@pytest.mark.slow
+@pytest.mark.parametrize("seeds", [range(100), pytest.param(range(100, 2_100), marks=pytest.mark.stress)])
+def test_no_scene_tells_what_was_left_out(seeds: range) -> None:
     for seed in seeds:
         scene = (random_scene if seed % 2 else fuzzed_scene)(seed)
         compare(scene, choose(), PACKED, "accurate")
@@ -226,16 +223,6 @@ def scenes(seeds: range) -> None:
         # In single, a shadow ray may meet a sphere of less than a thousandth of its distance where it is not, and where
         # no list holds it.
         compare(crowded(scene, seed), choose(), PACKED, "accurate")
-
-
-@pytest.mark.slow
-def test_no_scene_tells_what_was_left_out() -> None:
-    scenes(range(100))
-
-
-@pytest.mark.stress
-def test_none_of_two_thousand_scenes_tells() -> None:
-    scenes(range(100, 2_100))
 
 
 QUAD = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
@@ -283,29 +270,8 @@ def test_of_equal_triangles_the_first_shows_whatever_the_others_are(device: Devi
         compare(scene, device, ("hidden",), "accurate")
         alone = picture(of_meshes([copies[0], *rest], 4), device, "accurate")
         image = drawn.render()
-        assert np.array_equal(image.rgb8, alone.rgb8)
-        assert np.array_equal(image.normal, alone.normal)
+        assert_same(image, alone, ("rgb8", "normal"), k)
         assert set(np.unique(image.id).tolist()) <= {-1, 0, 3}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("turn", [0.0, 0.6], ids=["across an axis", "turned"])
-def test_faces_doubled_with_the_other_diagonal(device: Device, turn: float) -> None:
-    """As files have quadrilaterals wound both ways: nothing is equal, and the lower number wins in each point."""
-    c, s = np.cos(turn), np.sin(turn)
-    place = QUAD @ np.array([(c, 0, -s), (0, 1, 0), (s, 0, c)])
-    one, two = np.array([(0, 1, 2), (0, 2, 3)]), np.array([(3, 2, 1), (3, 1, 0)])
-    scene = of_meshes([Mesh(place, np.concatenate([one, two])), Mesh(place, two)], 2)
-    drawn = cltrace.Renderer(scene, device, "accurate", SHOWN)
-    assert drawn.skipped["triangles equal to others"] == 2
-    # The second frame knows the planes that the first one found.
-    first, second = drawn.render(), drawn.render()
-    assert np.array_equal(first.rgb8, second.rgb8)
-    assert np.array_equal(first.primitive, second.primitive)
-    if not turn:
-        assert set(np.unique(first.primitive[first.id >= 0]).tolist()) == {0, 1}
-    every = cltrace.Renderer(scene, device, "accurate", SHOWN, keep=("hidden",)).render()
-    assert all(np.array_equal(getattr(every, name), getattr(first, name)) for name in SHOWN)
 
 
 # The corners of a polygon and how often it is there: equal triangles, and fans whose triangles cover each other.
@@ -316,6 +282,8 @@ def test_what_covers_itself_in_one_plane_needs_few_decisions(device: Device, cor
     fan = np.array([(0, i, i + 1) for i in range(1, corners - 1)] * copies)
     drawn = cltrace.Renderer(of_meshes([Mesh(points, fan)], 2), device, "accurate", SHOWN)
     image = drawn.render()
+    # The second frame knows the planes that the first one found.
+    assert_same(drawn.render(), image, SHOWN, "again")
     hit = image.id >= 0
     assert (image.primitive[hit] < len(fan) // copies).all()
     if copies > 1:

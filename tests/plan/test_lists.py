@@ -333,20 +333,12 @@ def test_a_hair_at_the_edge_of_a_tile(tan: float, size: tuple[int, int], reach: 
 # -------------------------------------------------------------------------------------------------------- shadow rays
 
 
-def sun(direction: Floats) -> list[np.ndarray]:
-    return [parallel_light(direction.tolist())]
-
-
-def lamp(position: Floats) -> list[np.ndarray]:
-    return [point_light(position.tolist())]
-
-
 LIGHTS = {
-    "sun above": sun(np.array([0, -1.0, 0])),
-    "sun aslant": sun(np.array([0.3, -1, -0.7])),
-    "lamp far away": lamp(np.array([50.0, 80, 20])),
-    "lamp among them": lamp(np.array([0.5, 0.25, -6])),
-    "lamp at the eye": lamp(np.zeros(3)),
+    "sun above": [parallel_light((0, -1, 0))],
+    "sun aslant": [parallel_light((0.3, -1, -0.7))],
+    "lamp far away": [point_light((50, 80, 20))],
+    "lamp among them": [point_light((0.5, 0.25, -6))],
+    "lamp at the eye": [point_light((0, 0, 0))],
 }
 
 

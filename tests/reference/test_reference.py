@@ -18,7 +18,6 @@ from cltrace.reference import (
     EYE,
     Direction,
     Intersection,
-    Pixel,
     Point,
     Ray,
     ShadowRay,
@@ -48,14 +47,6 @@ def balls_of(world: World) -> list[Sphere]:
 
 def hit(ray: Ray, *spheres: tuple[float, float, float, float]) -> Intersection | None:
     return closest_hit(world_of(scene_of(*spheres)), ray)
-
-
-def test_points_and_directions_are_told_apart() -> None:
-    step = Point(1, 2, 3) - Point(0, 1, 1)
-    assert isinstance(step, Direction)
-    assert Point(0, 0, 0) + step == Point(1, 1, 2)
-    with pytest.raises(TypeError):
-        Point(0, 0, 0) + Point(0, 0, 0)  # type: ignore[operator]
 
 
 BALL, FAR = (0, 0, -5, 2), (0, math.nextafter(1, 2), -5, 1)
@@ -474,13 +465,6 @@ def test_what_is_seen_in_mirrors_and_glass(
     spheres: list[tuple[float, float, float, float]], options: dict[str, object], want: float
 ) -> None:
     assert seen(*spheres, **options) == want
-
-
-def test_too_many_rays_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Pixel, "RAYS", 100)
-    assert seen((0, 0, 0, 3), reflectance=0.5, bounces=98) == pytest.approx(0.8, abs=1e-9)
-    with pytest.raises(ValueError, match="max_bounces"):
-        seen((0, 0, 0, 3), (0, 0, 0, 2.5), reflectance=0.5, transmittance=0.5, bounces=20)
 
 
 def test_total_reflection_is_one_ray_of_both_weights() -> None:
