@@ -7,10 +7,8 @@ import io
 import json
 import os
 import re
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -31,18 +29,14 @@ def run(*arguments: object, cwd: Path, **environment: str) -> subprocess.Complet
 
 def call(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[bytes]:
     """What `run` does, in this process: much faster, where a process of its own makes no difference."""
-    out, err = (io.TextIOWrapper(io.BytesIO(), "utf-8") for _ in range(2))
+    buffers = io.BytesIO(), io.BytesIO()
+    out, err = (io.TextIOWrapper(buffer, "utf-8", write_through=True) for buffer in buffers)
     with contextlib.chdir(cwd), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
             status = cli.main([*map(str, arguments)])
         except SystemExit as end:  # of --help
             status = end.code
-    texts = []
-    for stream in (out, err):
-        stream.flush()
-        assert isinstance(stream.buffer, io.BytesIO)
-        texts.append(stream.buffer.getvalue())
-    return subprocess.CompletedProcess(arguments, status, *texts)
+    return subprocess.CompletedProcess(arguments, status, *(buffer.getvalue() for buffer in buffers))
 
 
 def pixels(data: bytes | Path) -> np.ndarray:
@@ -77,8 +71,13 @@ def test_stdout_quiet_and_options(tmp_path: Path) -> None:
     assert not np.array_equal(square, whole)
     down = pixels(call(FIRST, "-o", "-", "--truncate", cwd=tmp_path).stdout)
     assert set(np.unique(whole.astype(int) - down)) == {0, 1}
-    assert call(FIRST, "-q", "-o", "x.png", cwd=tmp_path).stderr == b""
-    assert list(tmp_path.iterdir()) == [tmp_path / "x.png"]
+    # A link is written through.
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "link.png").symlink_to("folder/x.png")
+    assert call(FIRST, "-q", "-o", "link.png", cwd=tmp_path).stderr == b""
+    assert (tmp_path / "link.png").is_symlink()
+    assert np.array_equal(pixels(tmp_path / "folder/x.png"), whole)
+    assert len(list(tmp_path.rglob("*"))) == 3
 
 
 def test_stats_json_is_one_object_on_stdout(tmp_path: Path) -> None:
@@ -102,8 +101,6 @@ def test_check(tmp_path: Path) -> None:
     done = call(FIRST, "--check=500", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert b"check ok: 500 of 173641 pixels" in done.stderr
-    small = call(FIRST, "--size", "20x15", "--check=all", cwd=tmp_path)
-    assert b"check ok: 300 of 300 pixels" in small.stderr
     crop = call(FIRST, "--crop", "200,200,230,220", "--check=all", "--show", "id", cwd=tmp_path)
     assert crop.returncode == 0
     assert b"check ok: 600 of 600 pixels" in crop.stderr
@@ -136,23 +133,15 @@ def test_no_driver_gives_advice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         (["{scene}", "--size", "0x5"], "argument --size: must be within 1..65536 each and 1073741824 pixels, got 0x5;"),
         (["{scene}", "--size", "5"], "argument --size: must be WIDTHxHEIGHT, such as 640x480, got '5';"),
         (["{scene}", "--crop", "5,5,5,9"], "crop: must be within 0,0,481,361 and not empty, got 5,5,5,9"),
-        (
-            ["{scene}", "--crop", "-1,0,10,10"],
-            "--crop: must be X0,Y0,X1,Y1 without a sign, such as 0,0,64,64, got",
-        ),
-        (["{scene}", "--precision", "half"], "argument --precision: invalid choice: 'half'"),
+        (["{scene}", "--crop", "-1,0,10,10"], "--crop: must be X0,Y0,X1,Y1 without a sign, such as 0,0,64,64, got"),
         (["{scene}", "--check=few"], "argument --check: must be a whole number >= 1, got 'few';"),
         (["--check", "{scene}"], "argument --check: put the scene first, or say --check=N; "),
         (["{scene}", "--frobnicate"], "unrecognized arguments: --frobnicate;"),
-        (["{scene}", "--keep", "lists"], "unrecognized arguments: --keep lists"),
         (["{scene}", "--outputs", "id,colour"], "argument --outputs: must be of rgb8, color, "),
         (["{scene}", "-o", "no/such/x.png"], "-o: there is no folder 'no/such'"),
         (["{scene}", "-o", "."], "-o: '.' is a folder"),
         (["{scene}", "-o", "s.png/."], "-o: 's.png/.' is a folder"),
-        (
-            ["{scene}", "-o", "x.bmp"],
-            "-o: the name of a picture must end in .png, .tif, .tiff, .jpg, .jpeg, .exr",
-        ),
+        (["{scene}", "-o", "x.bmp"], "-o: the name of a picture must end in .png, .tif, .tiff, .jpg, .jpeg, .exr"),
         (["{scene}", "-o", "/dev/stdout"], ".npy or .npz, got '/dev/stdout'; -o - writes it to stdout"),
         (["{scene}", "-o", "/proc/x.png"], "cannot write /proc/x.png: "),
         (["{scene}", "-o", "-", "--stats=json"], "-o - and --stats=json both want stdout"),
@@ -208,9 +197,8 @@ def test_a_limit_of_the_size_of_files(tmp_path: Path) -> None:
 
 def test_names_that_the_locale_lacks(tmp_path: Path) -> None:
     """In the C locale, which many batch systems have, names are bytes beyond ASCII."""
-    environment = os.environ | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
-    line = [sys.executable, "-m", "cltrace", str(FIRST), "--size", "8x6", "-q", "-o", "\u00e4.png"]
-    done = subprocess.run(line, cwd=tmp_path, env=environment, capture_output=True, timeout=60, check=False)
+    environment = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    done = run(FIRST, "--size", "8x6", "-q", "-o", "\u00e4.png", cwd=tmp_path, **environment)
     assert (done.returncode, done.stderr) == (0, b"")
     assert [path.name for path in tmp_path.iterdir()] == ["\u00e4.png"]
 
@@ -310,23 +298,6 @@ def test_full_and_closed_streams(tmp_path: Path) -> None:
     assert shell("2> /dev/full", str(FIRST), *small).returncode == 0
     assert pixels(shell("2>&-", "warned.xml", "-o -", *small).stdout).shape == (6, 8, 3)
     json.loads(shell("2>&-", "warned.xml", "--stats=json", *small).stdout)
-
-
-def test_sigterm_leaves_nothing_behind(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "cltrace", str(FIRST), "--size", "4000x4000", "-o", "big.png"]
-    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE) as process:
-        while process.poll() is None and not list(tmp_path.glob(".big.png-*.part")):
-            time.sleep(0.01)
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(60) == 128 + signal.SIGTERM
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_link_is_written_through(tmp_path: Path) -> None:
-    (tmp_path / "link.png").symlink_to("real.png")
-    assert call(FIRST, "-o", "link.png", cwd=tmp_path).returncode == 0
-    assert (tmp_path / "link.png").is_symlink()
-    assert pixels(tmp_path / "real.png").shape == (361, 481, 3)
 
 
 def test_unwritable_cache(tmp_path: Path) -> None:
