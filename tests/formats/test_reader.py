@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import math
 import os
 import pickle
 import re
@@ -22,7 +21,6 @@ from cltrace.base.errors import SceneError
 from cltrace.formats import elements, reader, surfaces
 from cltrace.formats.faults import closest
 from cltrace.formats.reader import read
-from cltrace.formats.surfaces import cos_sin
 from cltrace.scene import CYLINDER, MATERIAL, SPHERE, Camera, Scene
 from cltrace.scene import camera as eye
 
@@ -315,7 +313,6 @@ FAULTS: list[tuple[str, ...]] = [
     *(('radius="1.5"', f'radius="{text}"', f"25: sphere: radius {fault}") for text, fault in NUMBERS.items()),
     *(("example.png", name, f"3: scene: output_file {fault}") for name, fault in OUTPUT_FILES.items()),
     AT_LOOKAT,
-    ('<up x="0" y="1"', '<up x="0" y="0"', "8: camera up: must not be 0"),
     ('x="0" y="1" z="0"', 'x="1" y="4.0000000004" z="11"', "8: camera up: must not be parallel to the view"),
     ('angle="45"', 'angle="0"', f"{FOV} 0"),
     ('angle="45"', 'angle="90"', f"{FOV} 90: {HALF} 45 meant?"),
@@ -325,33 +322,18 @@ FAULTS: list[tuple[str, ...]] = [
     ('n="8"', 'n="8.5"', "11: camera max_bounces: n must be an integer, got '8.5'"),
     ('n="8"', 'n="101"', "11: camera max_bounces: n must be within 0..100, got 101"),
     ('z="-3"', 'z="-0"', "20: spot_light direction: must not be 0"),
-    ('alpha1="20"', 'alpha1="30"', f"{FALLOFF}1 must be <= alpha2 (25.5), got 30"),
     ('alpha2="25.5"', 'alpha2="240"', f"{FALLOFF}2 must be within [0, 180], got 240: {HALF} 120 meant?"),
     ('radius="1.5"', 'raduis="1.5"', "25: sphere: attribute radius is missing; did you mean 'raduis'?"),
     ('<position x="4"', '<postion x="4"', "25: sphere: <position> is missing; did you mean <postion> on line 26?"),
     ("      <material", '<position x="4"/>\n<material', "27: sphere: <position> must occur only once"),
     ("horizontal_fov", "fov", "5: camera: <horizontal_fov> is missing; did you mean <fov> on line 9?"),
-    ("max_bounces", "bounces", "5: camera: <max_bounces> is missing; did you mean <bounces> on line 11?"),
     (MATERIAL_TEXT, "", NO_MATERIAL),
     (END, "<material_textured/></sphere>", "34: sphere: <material_textured> must occur only once"),
-    ('exponent="200"', 'exponent="-1"', "29: material_solid phong: exponent must be >= 0, got -1"),
     ('t="0.0"', 't="0.5"', f"{GLASS} 0"),
     ('t="0.0"/>\n        <refraction iof="0"', 't="5e-1"/>\n<refraction iof="-15e-1"', f"{GLASS} -1.5"),
     (' iof="0"', "", "32: material_solid refraction: attribute iof is missing"),
     (END, STEPS.format("</transform><transform>"), "34: sphere: <transform> must occur only once"),
     (END, STEPS.format('<scale x="1" y="0" z="1"/>'), "34: transform scale: must not be singular, got a factor of 0"),
-    (
-        MATERIAL_TEXT, TEXTURED.format("sky.png"),
-        "28: material_textured texture: name 'sky.png' cannot be read: No such file or directory",
-    ),
-    (
-        "<surfaces>\n", f'<surfaces>\n<mesh name="a/b.obj">{MATERIAL_TEXT}</mesh>\n',
-        "25: mesh: name 'a/b.obj' cannot be read: No such file or directory",
-    ),
-    (
-        "<surfaces>\n", f'<surfaces>\n<mesh name="../b.obj">{MATERIAL_TEXT}</mesh>\n',
-        "25: mesh: name must stay within the scene's folder, got '../b.obj'",
-    ),
     (
         END, STEPS.format('<scale x="1e38" y="1e38" z="1e38"/>'),
         "25: sphere: after the transform x must not exceed 3.4e38 in magnitude, got 4e+38",
@@ -363,18 +345,9 @@ FAULTS: list[tuple[str, ...]] = [
         "25: sphere: after the transform radius must be > 0, got 0",
     ),
     (
-        END, STEPS.format('<scale x="1" y="1" z="3e38"/>'),
-        "25: sphere: after the transform half of the extent along z must not exceed 3.4e38 in magnitude, got 4.5e+38",
-        "25: sphere: after the transform z must not exceed 3.4e38 in magnitude, got 1.8e+39",
-    ),
-    (
         END, STEPS.format('<scale x="1" y="1e-35" z="1"/><scale x="1" y="1e-11" z="1"/>'),
         "25: sphere transform: its inverse must not exceed 3.4e38 in magnitude, got 1e+46",
         "25: sphere: after the transform y must be 0 or at least 1.4e-45 in magnitude, got 5e-46",
-    ),
-    (
-        END, STEPS.format(20 * '<scale x="1e-38" y="1" z="1"/>'),
-        "25: sphere transform: its inverse must be a finite number, got inf",
     ),
     (
         END, STEPS.format('<rotateZ theta="45"/><scale x="1" y="1e-20" z="1"/><rotateZ theta="45"/>'),
@@ -413,7 +386,6 @@ def test_fault(number: int) -> None:
     ("old", "new", "fault"),
     [
         ('<up x="0" y="2" z="0"/>', "", "14: sky_light: <below> goes with <up>, which is missing"),
-        ('n="9"', 'n="0"', "14: sky_light directions: n must be within 1..1024, got 0"),
         ('n="9"', 'n="1025"', "14: sky_light directions: n must be within 1..1024, got 1025; --limit lights=N or"),
         ('n="8"', 'n="8.5"', "15: sun_light directions: n must be an integer, got '8.5'"),
         ('angle="7"', 'angle="400"', "15: sun_light: angle must be within [0, 180], got 400"),
@@ -507,10 +479,7 @@ def test_a_hundred_faults_are_enough() -> None:
     ("breaks", "ending"),
     [
         ((), ""),
-        ((0,), " (2 times)"),
         ((1,), " (2 times, also in line 26)"),
-        ((1, 0, 2), " (4 times, also in lines 26, 28)"),
-        ((1, 1, 1), " (4 times, also in lines 26, 27, 28)"),
         ((1, 1, 1, 1), " (5 times, also in lines 26, 27, 28, …)"),
         ((0, 0, 0, 0, 0, 3), " (7 times, also in line 28)"),
     ],
@@ -548,23 +517,18 @@ WARNINGS: list[tuple[str, str, str | None]] = [
     (END, STEPS.format("<rotatex/>"), f"{ROTATED.format('rotatex')}; did you mean <rotateX>?"),
     (END, STEPS.format('<rotate axis="y"/>'), f"{ROTATED.format('rotate')}; did you mean <rotateY>?"),
     (END, STEPS.format('<rotate x="0" y="0.0" z="1"/>'), f"{ROTATED.format('rotate')}; did you mean <rotateZ>?"),
-    (END, STEPS.format('<Rotation axis="X"/>'), f"{ROTATED.format('Rotation')}; did you mean <rotateX>?"),
     (END, STEPS.format('<rotate x="1" y="1" z="0"/>'), ROTATED.format("rotate")),
-    (END, STEPS.format('<rotate angle="30"/>'), ROTATED.format("rotate")),
     ("example.png", "a.jpg", f"3: scene: output_file 'a.jpg' {APPENDED}"),
-    ("example.png", ".png", f"3: scene: output_file '.png' {APPENDED}"),
     ("example.png", "A.PNG", None),
     (SHARES, '<reflectance r="0.7"/><transmittance t="0.3"/><refraction iof="1"/>', None),
     (SHARES, '<reflectance r="0.6"/><transmittance t="0.5"/><refraction iof="1"/>', f"{MORE} than reaches it"),
     ('r="0.1" g="0.2" b="0.3"', 'r="255" g="128" b="0"', f"4: background_color: 255, 128, 0 {BYTES}"),
     ('r="0" g="0" b="0"', 'r="51" g="51" b="51.0"', f"14: ambient_light color: 51, 51, 51 {BYTES}"),
-    ('r="1" g="0.5" b="2"', 'r="255" g="127.5" b="0"', f"15: parallel_light color: 255, 127.5, 0 {BYTES}"),
     ('r="1" g="1" b="0"', 'r="0" g="0" b="16"', f"18: spot_light color: 0, 0, 16 {BYTES}"),
     ('r="0.5" g="0.25" b="1"', 'r=" 200" g="30" b="30"', f"28: material_solid color: 200, 30, 30 {BYTES}"),
     # Bright lights, and what cannot be bytes.
     ('r="1" g="0.5" b="2"', 'r="15" g="10" b="2"', None),
     ('r="1" g="0.5" b="2"', 'r="16.5" g="0" b="0"', None),
-    ('r="1" g="0.5" b="2"', 'r="1000" g="255" b="0"', None),
 ]
 
 
@@ -574,7 +538,7 @@ def test_warning(old: str, new: str, told: str | None) -> None:
     scene = read("scene.xml")[0]
     if "unknown" in (told or ""):
         assert same(scene, scene_of(SCENE))
-    assert scene.output_file == {"a.jpg": "a.jpg.png", ".png": ".png.png", "A.PNG": "A.PNG"}.get(new, "example.png")
+    assert scene.output_file == {"a.jpg": "a.jpg.png", "A.PNG": "A.PNG"}.get(new, "example.png")
 
 
 def test_of_several_names_none_is_more_likely() -> None:
@@ -716,14 +680,6 @@ def test_a_long_chain_of_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(elements, "MAX_STEPS", 16_000)
     told = "34: transform: must not have more than 16000 steps; --limit steps=N or CLTRACE_LIMITS allows more"
     assert told in faults_of(text)
-
-
-def test_cos_and_sin_in_degrees() -> None:
-    for quarter in range(-6, 7):
-        assert cos_sin(90.0 * quarter) == [(1, 0), (0, 1), (-1, 0), (0, -1)][quarter % 4]
-    for degrees in np.random.default_rng(1).uniform(-720, 720, 1000).tolist():
-        want = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
-        np.testing.assert_allclose(cos_sin(degrees), want, rtol=0, atol=3e-15)
 
 
 # --- Files that are no scene, and hostile ones

@@ -17,8 +17,6 @@ WIDE, HIGH = (640, 480), (480, 640)
 
 def test_the_full_angle_is_twice_the_half_one() -> None:
     assert Camera(fov=50, resolution=WIDE) == Camera(horizontal_fov=25, resolution=WIDE)
-    assert Camera(fov=50, fov_axis="x", resolution=WIDE) == Camera(horizontal_fov=25, resolution=WIDE)
-    assert Camera(fov=50, fov_axis="y", resolution=HIGH) == Camera(horizontal_fov=25, resolution=HIGH)
     assert Camera().horizontal_fov == 45
 
 
