@@ -59,6 +59,11 @@ def rested(page: Any) -> None:
         page.wait_for_selector("#picture[data-kind=smooth]")
 
 
+def opened(page: Any, address: str) -> None:
+    page.goto(address)
+    rested(page)
+
+
 def shown(page: Any) -> np.ndarray:
     """The bytes of the canvas."""
     data = page.locator("#picture").evaluate("(canvas) => canvas.toDataURL()")
@@ -77,12 +82,11 @@ def drag(page: Any, across: float, down: float) -> None:
     rested(page)
 
 
-def saved(page: Any) -> bytes:
-    """What the button saves."""
-    with page.expect_download() as waiting:
-        page.click("#save")
-    assert waiting.value.suggested_filename == f"{FILE.stem}.png"
-    return Path(waiting.value.path()).read_bytes()
+def press(page: Any, key: str) -> None:
+    """Presses a key on the picture, and waits for the last picture."""
+    page.focus("#picture")
+    page.keyboard.press(key)
+    rested(page)
 
 
 def middle(page: Any) -> tuple[float, float]:
@@ -94,9 +98,7 @@ def camera_of(page: Any) -> cltrace.Camera:
     """What the button copies."""
     page.click("text=Python")
     page.wait_for_timeout(300)
-    found = eval(page.input_value("textarea"), {"cltrace": cltrace})
-    assert isinstance(found, (cltrace.Camera, cltrace.Orthographic))
-    return found
+    return eval(page.input_value("textarea"), {"cltrace": cltrace})
 
 
 @pytest.fixture(scope="module")
@@ -107,11 +109,9 @@ def address(spec: str) -> Iterator[str]:
 
 def test_hand(page: Any, address: str, spec: str) -> None:
     """Drag, shift and drag, wheel, double click, click; what is saved is what is seen, exactly."""
-    page.goto(address)
-    rested(page)
+    opened(page, address)
     scene = cltrace.load(FILE)
-    before = cltrace.render(scene, spec, antialias=True).rgb8
-    assert (shown(page) == before).all()
+    assert (shown(page) == cltrace.render(scene, spec, antialias=True).rgb8).all()
     assert page.title().endswith("minimal.xml")
 
     x, y = middle(page)
@@ -130,7 +130,10 @@ def test_hand(page: Any, address: str, spec: str) -> None:
     assert turned.lookat == scene.camera.lookat
     assert turned.position != scene.camera.position
     assert (shown(page) == cltrace.render(scene.seen_by(turned), spec, antialias=True).rgb8).all()
-    with Picture.open(io.BytesIO(saved(page))) as picture:
+    with page.expect_download() as waiting:
+        page.click("#save")
+    assert waiting.value.suggested_filename == f"{FILE.stem}.png"
+    with Picture.open(waiting.value.path()) as picture:
         assert (np.asarray(picture) == shown(page)).all()
 
     page.keyboard.down("Shift")
@@ -149,28 +152,18 @@ def test_hand(page: Any, address: str, spec: str) -> None:
 
 
 def test_keys_reach_everything(page: Any, address: str) -> None:
-    page.goto(address)
-    rested(page)
+    opened(page, address)
     home = camera_of(page)
     page.keyboard.press("Escape")
-    page.focus("#picture")
     for key, change in (("ArrowLeft", "position"), ("Shift+ArrowUp", "lookat"), ("+", "position"), ("f", "position")):
         before = camera_of(page)
-        page.focus("#picture")
-        page.keyboard.press(key)
-        rested(page)
+        press(page, key)
         assert getattr(camera_of(page), change) != getattr(before, change), key
-        page.focus("#picture")
-    page.keyboard.press("o")
-    rested(page)
+    press(page, "o")
     assert camera_of(page).parallel
-    page.focus("#picture")
-    page.keyboard.press("u")
-    rested(page)
+    press(page, "u")
     assert not camera_of(page).parallel
-    page.focus("#picture")
-    page.keyboard.press("r")
-    rested(page)
+    press(page, "r")
     assert camera_of(page) == home
     # From the first to the last control by tabs, each with a name that is read out.
     page.evaluate("() => document.activeElement.blur()")
@@ -195,8 +188,7 @@ def test_keys_reach_everything(page: Any, address: str) -> None:
 
 
 def test_buttons_show_other_outputs(page: Any, address: str, spec: str) -> None:
-    page.goto(address)
-    rested(page)
+    opened(page, address)
     scene = cltrace.load(FILE)
     for name in ("normal", "uv"):
         page.check(f"input[value={name}]")
@@ -212,12 +204,9 @@ def test_dense_screens_and_schemes(browser: Any, address: str, scheme: str) -> N
     for density in (1, 2):
         size = {"width": 1600, "height": 1000}
         page = browser.new_page(viewport=size, device_scale_factor=density, color_scheme=scheme)
-        page.goto(address)
-        rested(page)
+        opened(page, address)
         box = page.locator("#picture").bounding_box()
         assert (box["width"] * density) % SIZE[0] == pytest.approx(0, abs=1e-3)
-        back = page.evaluate("() => getComputedStyle(document.documentElement).colorScheme")
-        assert back == "light dark"
         dark = np.asarray(Picture.open(io.BytesIO(page.screenshot())).convert("L"))[-5:, -5:].mean() < 128
         assert dark == (scheme == "dark")
         page.close()
@@ -240,12 +229,9 @@ def test_comparison(page: Any, spec: str, tmp_path: Path) -> None:
         under = np.asarray(Picture.open(io.BytesIO(page.screenshot(clip=box))).convert("RGB"))
         assert (under[: SIZE[1], : SIZE[0]] == shown(page)).mean() > 0.99
         page.check("#difference")
-        page.focus("#picture")
-        page.keyboard.press("ArrowLeft")
-        rested(page)
+        press(page, "ArrowLeft")
         assert page.is_hidden("#other")
-        page.keyboard.press("r")
-        rested(page)
+        press(page, "r")
         assert page.is_visible("#other")
 
 
@@ -254,11 +240,8 @@ def test_a_broken_line(page: Any, spec: str) -> None:
     keeping = "class extends WebSocket { constructor(...all) { super(...all); lines.push(this) } }"
     page.add_init_script(f"window.lines = []; WebSocket = {keeping}")
     with viewer(spec, str(FILE)) as running:
-        page.goto(running.address)
-        rested(page)
-        page.focus("#picture")
-        page.keyboard.press("ArrowLeft")
-        rested(page)
+        opened(page, running.address)
+        press(page, "ArrowLeft")
         before = shown(page)
         page.evaluate("lines[0].close()")
         page.wait_for_function("() => window.lines.length == 2 && !document.querySelector('#error').textContent")
@@ -269,8 +252,7 @@ def test_a_broken_line(page: Any, spec: str) -> None:
 
 def test_rays_over_the_picture(page: Any, address: str) -> None:
     """They are where the click was, turn with the camera, and are said in words; the outline waits for rest."""
-    page.goto(address)
-    rested(page)
+    opened(page, address)
     x, y = middle(page)
     page.mouse.click(x, y)
     page.wait_for_selector("#outline:not([hidden])")
@@ -293,8 +275,7 @@ def test_rays_over_the_picture(page: Any, address: str) -> None:
 def test_sliders_and_movie(page: Any, spec: str, tmp_path: Path) -> None:
     """By keys: what each does is seen in the picture and said by the slider; play goes on by itself."""
     with viewer(spec, str(FILE), "--orbit", "5", "-o", "turn.gif", cwd=tmp_path) as running:
-        page.goto(running.address)
-        rested(page)
+        opened(page, running.address)
         home = camera_of(page)
 
         def moved(slider: str, key: str) -> str:
@@ -311,10 +292,7 @@ def test_sliders_and_movie(page: Any, spec: str, tmp_path: Path) -> None:
         assert moved("#samples", "ArrowRight") == "64"
         assert moved("#lights input >> nth=1", "Home") == "0 %"
         page.click("text=reset")
-        angle = f"{2 * home.horizontal_fov:g}°"
-        page.wait_for_function(
-            "(text) => document.querySelector('#fov').getAttribute('aria-valuetext') === text", arg=angle
-        )
+        page.wait_for_selector(f"#fov[aria-valuetext='{2 * home.horizontal_fov:g}°']")
         rested(page)
         assert page.input_value("#lights input >> nth=1") == "1"
         moved("#frames", "ArrowRight")

@@ -252,16 +252,6 @@ def test_pictures_that_take_long_are_smaller(session: Session, monkeypatch: pyte
         assert len(pixels(session.draw())) == height
 
 
-@pytest.mark.parametrize("text", ["", "[]", "1", '{"x": 1}', '{"kind": "fall"}', '{"kind": ["orbit"]}'])
-def test_what_is_no_event(text: str) -> None:
-    orbit, rest = '{"kind": "orbit", ', ('"z": 1}', '"x": "1"}', '"x": NaN}', '"y": 1e99}', '"name": 1}')
-    for said in (text, *(orbit + end for end in rest)):
-        with pytest.raises(ValueError):
-            Event.of(said)
-    assert Event.of('{"kind": "pan", "x": 1, "y": -0.5}') == Event("pan", 1, -0.5)
-    assert Message("exact", "a", b"\n1", number=3).encoded().partition(b"\n")[2] == b"\n1"
-
-
 def kinds(found: Iterable[Message | RayLine]) -> list[str]:
     return [one.kind for one in found]
 
