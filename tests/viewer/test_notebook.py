@@ -71,10 +71,9 @@ TWO_VIEWS = """async ([code, data]) => {
 }"""
 
 
-def two_views(page: Any, picture: Message | None) -> None:
+def two_views(page: Any, picture: Message) -> None:
     """Makes TWO_VIEWS, which show a picture."""
     module = pytest.importorskip("cltrace.viewer.widget")
-    assert picture
     page.evaluate(TWO_VIEWS, [module._module(), base64.b64encode(picture.data).decode()])
     page.evaluate("(head) => show(head)", picture.head())
 
@@ -101,9 +100,7 @@ def test_two_views_of_a_busy_kernel(page: Any, spec: str) -> None:
 def test_a_fault_of_the_file_stands_over_the_picture(page: Any, spec: str) -> None:
     """Until the file is right again."""
     two_views(page, Session(Stage(cltrace.load(FILE), choose(spec))).draw())
-    fault = (
-        "() => roots.map((root) => root.querySelector('#fault')).map((it) => it.checkVisibility() && it.textContent)"
-    )
+    fault = "roots.map((root) => root.querySelector('#fault')).map((it) => it.checkVisibility() && it.textContent)"
     for text in ("s.xml:7: sphere: radius must be > 0, got -1", ""):
         page.evaluate("(text) => show({ kind: 'fault', text })", text)
         assert page.evaluate(fault) == [text or False] * 2
