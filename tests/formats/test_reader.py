@@ -335,6 +335,10 @@ FAULTS: list[tuple[str, ...]] = [
     (END, STEPS.format("</transform><transform>"), "34: sphere: <transform> must occur only once"),
     (END, STEPS.format('<scale x="1" y="0" z="1"/>'), "34: transform scale: must not be singular, got a factor of 0"),
     (
+        "<surfaces>\n", f'<surfaces>\n<mesh name="../b.obj">{MATERIAL_TEXT}</mesh>\n',
+        "25: mesh: name must stay within the scene's folder, got '../b.obj'",
+    ),
+    (
         END, STEPS.format('<scale x="1e38" y="1e38" z="1e38"/>'),
         "25: sphere: after the transform x must not exceed 3.4e38 in magnitude, got 4e+38",
         "25: sphere: after the transform y must not exceed 3.4e38 in magnitude, got 5e+38",
