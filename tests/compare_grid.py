@@ -264,22 +264,12 @@ def main(share: str = "30", word: str = "", seed: str = "0") -> None:
         grid = Grid(Path(folder))
         for case in chosen(int(share), int(seed)):
             if word in repr(case):
-                answers.append(asked(grid, case))
-                if answers[-1].kind not in ("hidden",):
-                    print(
-                        answers[-1].kind,
-                        *vars(case).values(),
-                        answers[-1].said,
-                        f"{answers[-1].seconds:.2f}",
-                        flush=True,
-                    )
+                answers.append(answer := asked(grid, case))
+                if answer.kind != "hidden":
+                    print(answer.kind, *vars(case).values(), answer.said, f"{answer.seconds:.2f}", flush=True)
     shown = [a for a in answers if a.kind != "hidden"]
-    singles = [a for a in shown if len(a.case.wrong) == 1]
-    for name, some in (
-        ("none", [a for a in shown if not a.case.wrong]),
-        ("one", singles),
-        ("two", [a for a in shown if len(a.case.wrong) == 2]),
-    ):
+    for count, name in enumerate(("none", "one", "two")):
+        some = [a for a in shown if len(a.case.wrong) == count]
         counts = Counter(a.kind for a in some)
         print(name, len(some), {kind: f"{n} = {100 * n / len(some):.1f} %" for kind, n in counts.items()})
     times = sorted(a.seconds for a in shown)

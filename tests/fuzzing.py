@@ -80,18 +80,7 @@ NAMES = [
 ]
 TAGS = sorted({*re.findall(r"<(\w+)", SCENE), "include", "other"})
 WORDS = [
-    *(
-        b"\n",
-        b"\r",
-        b"\x0c",
-        b"\0",
-        b"\xff",
-        b"\xfe\xff",
-        b"\xef\xbb\xbf",
-        b"\xe2\x80\xa8",
-        b" 9999999999 ",
-        b"v 1 2\n",
-    ),
+    *b"\n|\r|\x0c|\0|\xff|\xfe\xff|\xef\xbb\xbf|\xe2\x80\xa8| 9999999999 |v 1 2\n".split(b"|"),
     *b"/ // nan -1 e9 < > & &lt; &#0; &#x110000; ]]> <![CDATA[ <!-- --> <?xml?> ' = \" <!DOCTYPE> mtllib".split(b" "),
 ]
 # Bombs and reaches outside of the folder, before the root.

@@ -17,18 +17,10 @@ from cltrace.run.devices import Device
 ROOT = Path(__file__).parents[2]
 # Columns of the picture of each scene: fewer where a pixel takes long in Python.
 COLUMNS = {
-    "step1-ambient": 48,
-    "step2-parallel": 48,
-    "step3-shadows": 48,
-    "step4-meshes": 48,
-    "step5-mirror": 48,
-    "step6-textures": 40,
-    "step7-glass": 40,
-    "step8-cone": 40,
-    "step9-many": 16,
-    "transforms": 40,
-    "spot": 40,
+    **dict.fromkeys(("step1-ambient", "step2-parallel", "step3-shadows", "step4-meshes", "step5-mirror"), 48),
+    **dict.fromkeys(("step6-textures", "step7-glass", "step8-cone", "transforms", "spot"), 40),
     "tall": 20,
+    "step9-many": 16,
 }
 
 
