@@ -178,26 +178,6 @@ def test_blocks_of_packets_are_the_same_picture(device: Device, width: int, monk
         assert_same(image, want, ("rgb8", "id"), crop)
 
 
-@pytest.mark.slow
-def test_a_sphere_that_stops_one_ray_is_asked_about_its_whole_packet(
-    device: Device, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Fewer spheres are tried then, and the picture is the same: also on a ground too large for that."""
-    rng = np.random.default_rng(12)
-    n, lights = 600, [cltrace.point_light(p) for p in rng.uniform((-9, 4, -9), (9, 9, 9), (8, 3))]
-    centers = np.concatenate([[(0, -100, 0)], rng.uniform((-3, 0.5, -3), (3, 1.5, 3), (n, 3))])
-    camera = Camera((0, 5, 12), (0, 0, 0), horizontal_fov=15, resolution=(64, 48))
-    scene = Scene.from_spheres(camera, [*lights, SUN], centers, np.append(100, rng.uniform(0.05, 0.4, n)))
-    alone = cltrace.Renderer(scene, device, "accurate", outputs=OUTPUTS, width=8)
-    want, tried = alone.render(), alone.work()["spheres that float32 rules out for a ray"]
-    monkeypatch.setattr(plan, "VIEWS", 1)
-    together = cltrace.Renderer(scene, device, "accurate", outputs=OUTPUTS, width=8)
-    assert "WITH_BLOCKS" in together.plan.features
-    image = together.render()
-    assert_same(image, want, OUTPUTS, "together")
-    assert together.work()["spheres that float32 rules out for a ray"] < 0.99 * tried
-
-
 def test_the_eye_inside_by_less_than_a_rounding(device: Device) -> None:
     """The eye is 1e12 inside of a sphere of 3.4e38 and looks outwards. By the rounded centre, it is on the sphere."""
     camera = Camera((1e12, 0, 0), (0, 0, 0), horizontal_fov=60, resolution=(9, 7), square_pixels=False)
