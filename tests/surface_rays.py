@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,8 +36,8 @@ def at_point(place: ArrayLike, count: int) -> Points:
 
 def turned(v: Floats, basis: ArrayLike) -> FineVector:
     """B^T v: vectors (n, 3) of camera space along the world's axes; basis: (3, 3), B, the camera's axes."""
-    columns = [[Fine.of(np.array(e)) for e in column] for column in np.asarray(basis, float).T]
-    return product(columns, fine_vector(v))  # type: ignore[arg-type]
+    columns: Any = [[Fine.of(np.array(e)) for e in column] for column in np.asarray(basis, float).T]
+    return product(columns, fine_vector(v))
 
 
 def rays_from(start: Points, way: FineVector, line: Callable[[int], Line]) -> Rays:

@@ -69,7 +69,7 @@ def at(v: FineVector, rows: Ids) -> FineVector:
     return v[0][rows], v[1][rows], v[2][rows]
 
 
-class Hits(NamedTuple):
+class PairHits(NamedTuple):
     """k pairs of a ray and a surface that meet, surely or maybe: rows, (k,) each, and t; its error may be infinite."""
 
     ray: Ids
@@ -78,13 +78,13 @@ class Hits(NamedTuple):
     t: Fine
 
     @classmethod
-    def of(cls, ray: Ids, item: Ids, sure: Bools, gone: Bools, t: Fine) -> Hits:
+    def of(cls, ray: Ids, item: Ids, sure: Bools, gone: Bools, t: Fine) -> PairHits:
         """Those of such pairs that do not surely pass each other by, with t where that is known well enough to help."""
         t = replace(t, error=np.where(sure & (t.error < 2.0**-41 * t.h), t.error, np.inf))
         return cls(ray, item, sure, t).at(np.flatnonzero(~gone))
 
-    def at(self, rows: NDArray[np.intp]) -> Hits:
-        return Hits(self.ray[rows], self.item[rows], self.sure[rows], self.t[rows])
+    def at(self, rows: NDArray[np.intp]) -> PairHits:
+        return PairHits(self.ray[rows], self.item[rows], self.sure[rows], self.t[rows])
 
 
 class Solid(Protocol):
@@ -114,7 +114,7 @@ class Kind(ABC):
         """Balls around them: centres, (m, 3), and radii, (m,), no matter how much too large."""
 
     @abstractmethod
-    def hits(self, rays: Rays, ray: Ids, item: Ids) -> Hits:
+    def hits(self, rays: Rays, ray: Ids, item: Ids) -> PairHits:
         """Those of these pairs of a ray and a surface, (k,) each, that do not surely pass each other by, at t > 0."""
 
     @abstractmethod
@@ -169,7 +169,7 @@ class Kinds:
         """No coordinate of any point of them is larger than this."""
         return max(float((np.abs(c).max(axis=1) + r).max(initial=0)) for c, r in self.balls)
 
-    def hits(self, rays: Rays, pairs: tuple[Ids, Ids] | None = None) -> Iterator[tuple[slice, Hits]]:
+    def hits(self, rays: Rays, pairs: tuple[Ids, Ids] | None = None) -> Iterator[tuple[slice, PairHits]]:
         """All hits, sure ones and others, for blocks of the rays.
 
         pairs: (k,) rays, rising, and surfaces that may meet, None for all.
@@ -192,7 +192,7 @@ class Kinds:
                     parts.append(hits._replace(item=hits.item + first))
             ray, item, sure = (np.concatenate([part[i] for part in parts]) for i in range(3))
             h, low, error = (np.concatenate([getattr(part.t, name) for part in parts]) for name in ("h", "l", "error"))
-            yield rows, Hits(ray, item, sure, Fine(h, low, error))
+            yield rows, PairHits(ray, item, sure, Fine(h, low, error))
 
     def _solid(self, item: int) -> Solid:
         of = int(np.searchsorted(self.first, item, side="right")) - 1
@@ -259,8 +259,8 @@ class Kinds:
         return t
 
 
-def _limited(hits: Hits, rays: Rays) -> Hits:
-    """Hits with t from the rays' own starts, without those surely beyond t_max."""
+def _limited(hits: PairHits, rays: Rays) -> PairHits:
+    """PairHits with t from the rays' own starts, without those surely beyond t_max."""
     low, high = rays.t_min[hits.ray], rays.t_max[hits.ray]
     if not low.any() and np.all(high == np.inf):
         return hits
@@ -270,7 +270,7 @@ def _limited(hits: Hits, rays: Rays) -> Hits:
     # A ray that starts in a triangle's plane never meets it, and moving the start has hidden that.
     sure = hits.sure & (~limited | (gap < 0)) & (t.sign() != 0)
     kept = ~(hits.sure & limited & (gap > 0)) & (high > low)
-    return Hits(hits.ray, hits.item, sure, t).at(np.flatnonzero(kept))
+    return PairHits(hits.ray, hits.item, sure, t).at(np.flatnonzero(kept))
 
 
 class Found(NamedTuple):

@@ -13,7 +13,7 @@ import numpy as np
 
 from cltrace.base.arithmetic import Fine, Floats, cross, dot, fine_vector, inverses, product, select
 from cltrace.exact.shapes import ExactCylinder, ExactSphere, ExactTriangle
-from cltrace.oracle.search import Hits, Ids, Kind, Rays, at, ball_around
+from cltrace.oracle.search import Ids, Kind, PairHits, Rays, at, ball_around
 from cltrace.scene import Scene
 
 
@@ -53,7 +53,7 @@ class Spheres(Kind):
         longest = np.append(np.abs(inverses(self.to_object)).sum(axis=(1, 2)), 1)[self.bent]
         return self.centers, self.radii * longest * (1 + 2.0**-40)
 
-    def hits(self, rays: Rays, ray: Ids, item: Ids) -> Hits:
+    def hits(self, rays: Rays, ray: Ids, item: Ids) -> PairHits:
         f, w, own = rays.to(self.centers[item], ray), at(rays.way, ray), rays.leaves(self, ray, item)
         if (self.bent[item] >= 0).any():
             K = [fine_vector(self.maps[item, i]) for i in range(3)]
@@ -68,7 +68,7 @@ class Spheres(Kind):
         root = Fine(np.maximum(D.h, 0), D.l, D.error).root()
         direct, n = (outside < 0) & (b.h >= 0), select(b.h < 0, -b, b) + root
         t = select(direct, n, select(outside < 0, -c, c)) / select(direct, a, n)
-        return Hits.of(ray, item, sure, gone, t)
+        return PairHits.of(ray, item, sure, gone, t)
 
     def solid(self, item: int) -> ExactSphere:
         K = self.maps[item].tolist() if self.bent[item] >= 0 else None
@@ -110,7 +110,7 @@ class Triangles(Kind):
     def balls(self) -> tuple[Floats, Floats]:
         return ball_around([self.vertices[self.faces[:, i]] for i in range(3)])
 
-    def hits(self, rays: Rays, ray: Ids, item: Ids) -> Hits:
+    def hits(self, rays: Rays, ray: Ids, item: Ids) -> PairHits:
         A, B, C = (self.vertices[self.faces[item, i]] for i in range(3))
         e1, e2 = (tuple(Fine.gap(end[:, i], A[:, i]) for i in range(3)) for end in (B, C))
         to_a, w = rays.to(A, ray), at(rays.way, ray)
@@ -118,7 +118,7 @@ class Triangles(Kind):
         D, den, ab, ca = dot(to_a, N), dot(N, w), -dot(e1, R), dot(e2, R)
         signs = np.array([x.sign() for x in (D, ab, ca, (den - ca) - ab)])
         gone = ((signs > 0).any(axis=0) & (signs < 0).any(axis=0)) | rays.leaves(self, ray, item)
-        return Hits.of(ray, item, (signs != 0).all(axis=0), gone, D / den)
+        return PairHits.of(ray, item, (signs != 0).all(axis=0), gone, D / den)
 
     def solid(self, item: int) -> ExactTriangle:
         return ExactTriangle(self.vertices[self.faces[item]].tolist())
@@ -151,7 +151,7 @@ class Cylinders(Kind):
     def balls(self) -> tuple[Floats, Floats]:
         return ball_around([self.starts, self.ends], self.radii)
 
-    def hits(self, rays: Rays, ray: Ids, item: Ids) -> Hits:
+    def hits(self, rays: Rays, ray: Ids, item: Ids) -> PairHits:
         f, w, r = rays.to(self.starts[item], ray), at(rays.way, ray), Fine.of(self.radii[item])
         u = tuple(Fine.gap(self.ends[item, i], self.starts[item, i]) for i in range(3))
         g, h, uu = dot(w, u), dot(f, u), dot(u, u)
@@ -173,7 +173,7 @@ class Cylinders(Kind):
         t = select(begin.sign() > 0, begin, end)
         sure = order & (there > 0) & ((begin.sign() > 0) | ((begin.sign() < 0) & (end.sign() > 0)))
         gone = (D.sign() < 0) | (order & ((there < 0) | ((there > 0) & (end.sign() < 0))))
-        return Hits.of(ray, item, sure, gone, t)
+        return PairHits.of(ray, item, sure, gone, t)
 
     def solid(self, item: int) -> ExactCylinder:
         return ExactCylinder(self.starts[item].tolist(), self.ends[item].tolist(), float(self.radii[item]))
