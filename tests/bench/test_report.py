@@ -13,7 +13,7 @@ from cltrace.bench import measure, report, scenes, user
 from cltrace.bench.measure import Point, Results, Wait
 from cltrace.bench.truth import Errors
 
-ROOT = measure.ROOT
+ROOT = Path(__file__).parents[2]
 ABOUT = {"date": "2000-01-01 00:00", "cltrace": "0.1.0", "commit": "abc", "cpu": "a CPU", "cores": 2, "device": "d"}
 RIGHT = Errors(0, 0.5, 0, 0)
 STEADY = [0.002, 0.00201, 0.00202]
