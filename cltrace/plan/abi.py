@@ -44,9 +44,7 @@ STRUCTS = {
     "Light": (
         Field("position", "real4", "at a point: xyz in camera space; parallel: unit vector towards it, w: see across"),
         Field("axis", "real4", "spot, lambert: unit vector along which it points, w: cos(alpha2); parallel: u axis"),
-        Field(
-            "across", "real4", "parallel: v axis; w: what these count from, 0 is the eye, see Move in plan/lights.py"
-        ),
+        Field("across", "real4", "parallel: v axis; w: where these count from, 0: the eye, see Move in plan/lights.py"),
         Field("color", "float4", "rgb, linear; w: its kind, a number of LIGHT_KINDS"),
         Field("cone", "float4", "spot: x: alpha1, radians, y: 1 / (alpha2 - alpha1), 0 if equal; z: see phong()"),
     ),
@@ -61,39 +59,28 @@ STRUCTS = {
     ),
     "Map": (
         *_fields(
-            "real4",
-            "to_x to_y to_z",
-            "xyz of these three: the rows of K, which leads from the world to an ellipsoid's own axes",
+            "real4", "to_x to_y to_z", "xyz: the rows of K, which leads from the world to an ellipsoid's own axes"
         ),
-        *_fields(
-            "real4",
-            "from_x from_y from_z",
-            "the rows of its inverse; w of to_x and from_x: the sums of all magnitudes in them",
-        ),
+        *_fields("real4", "from_x from_y from_z", "rows of its inverse; w of to_x, from_x: the sums of all magnitudes"),
         *_fields("real4", "rest_x rest_y rest_z", "what was cut off of the inverse"),
         *_fields("real4", "camera_x camera_y camera_z", "the rows of what leads from camera space to the own axes"),
     ),
     "Mesh": _fields(
-        "real4",
-        "normal_x normal_y normal_z",
-        "xyz of these three: the rows of what takes normals of the object to the world",
+        "real4", "normal_x normal_y normal_z", "xyz: the rows of what takes the object's normals to the world"
     ),
+    # Places in trees are from the scene's middle, in the tree's unit.
     "Node": (
-        *_fields(
-            "float8",
-            "low_x high_x low_y high_y low_z high_z",
-            "the boxes of 8 children in the world, from the scene's middle, in the tree's unit",
-        ),
+        *_fields("float8", "low_x high_x low_y high_y low_z high_z", "the boxes of 8 children"),
         Field("child", "int8", ">= 0: a node; < 0: ~ a leaf, a block or `blocks` + a patch. A missing one has no box"),
     ),
     "Block": (
-        *_fields("float8", "x y z", "the centres of 8 spheres, likewise"),
+        *_fields("float8", "x y z", "the centres of 8 spheres"),
         Field("outer", "float8", "radii that are surely too large; < 0 where there is no sphere"),
         Field("inner", "float8", "radii that are surely too small, at least 0"),
         Field("index", "int8", "which spheres these are"),
     ),
     "Patch": (
-        *_fields("float8", "ax ay az", "the first corners A of 8 triangles, likewise"),
+        *_fields("float8", "ax ay az", "the first corners A of 8 triangles"),
         *_fields("float8", "ex ey ez", "the edges B - A"),
         *_fields("float8", "fx fy fz", "the edges C - A"),
         Field("slack", "float8", "see triangle_add_leaf(); < 0 where there is no triangle"),
@@ -163,20 +150,16 @@ COUNTERS = {
 LIGHT_KINDS = ("parallel", "point", "spot", "lambert")
 
 
-# The shapes and their flags, in the order of the surfaces' indices. Each has a folder in kernels/shapes/, with
+# The shapes, in the order of the surfaces' indices. Each has a flag WITH_<SHAPE>S and a folder in kernels/shapes/, with
 # functions named after it; kernels/shapes/dispatch.cl lists them, and kinds.cl calls that of a surface.
-SHAPES = {"sphere": "WITH_SPHERES", "cylinder": "WITH_CYLINDERS", "triangle": "WITH_TRIANGLES"}
+SHAPES = ("sphere", "cylinder", "triangle")
 
 ARGUMENTS = (
     # Not one struct: where functions hand that on, NVIDIA's compiler reads it from memory that is not there.
     *_values(
         "Frame",
         "",
-        (
-            "pixel",
-            "real4",
-            "x, y: half of a pixel's width and height on the image plane z = -1; of parallel rays, as lengths",
-        ),
+        ("pixel", "real4", "x, y: half of a pixel's width and height at z = -1, or of parallel rays as lengths"),
         ("right", "real4", "xyz: the camera's x axis in the world"),
         ("up", "real4", "xyz: its y axis"),
         ("back", "real4", "xyz: its z axis, against the view"),
@@ -243,12 +226,9 @@ ARGUMENTS = (
         ("shadow_rays", "int", "to how many lights a shadow ray was sent"),
         ("work", "int", "how often the pixel did what COUNTERS names", len(COUNTERS)),
     ),
-    *_buffers(
-        "Geometry", "WITH_LEAVING", ("place", "real4", "centre in the world, in single from the scene's middle; radius")
-    ),
-    *_values(
-        "Geometry", "WITH_SHAPES", ("eye", "real4", "xyz: the eye in the world, in single from the scene's middle")
-    ),
+    # In single, all places in the world are from the scene's middle.
+    *_buffers("Geometry", "WITH_LEAVING", ("place", "real4", "a sphere's centre in the world; radius")),
+    *_values("Geometry", "WITH_SHAPES", ("eye", "real4", "xyz: the eye in the world")),
     *_values("Geometry", "WITH_PARALLEL_RAYS", ("ahead", "real4", "xyz: the direction of parallel rays, in the world")),
     *_buffers(
         "Geometry",
@@ -256,33 +236,19 @@ ARGUMENTS = (
         ("map_of", "int", "of a sphere, which of the maps makes it an ellipsoid; 0: none"),
         ("map", "Map", "the first one is 1"),
     ),
-    *_values(
-        "Scene",
-        "WITH_BOUNCES",
-        ("bounces", "int", "the depth up to which a ray is sent on by what it meets; rays from the eye have depth 0"),
-    ),
-    *_buffers(
-        "Scene", "WITH_BOUNCES", ("bounce", "real4", "of a material: reflectance, transmittance, index of refraction")
-    ),
+    *_values("Scene", "WITH_BOUNCES", ("bounces", "int", "up to which depth rays are sent on; the eye's have depth 0")),
+    *_buffers("Scene", "WITH_BOUNCES", ("bounce", "real4", "of a material: reflectance, transmittance, index")),
     *_buffers(
         "Scene",
         "WITH_TEXTURES",
         ("texture_of", "int", "of a material, which texture its colour is multiplied with; -1: none"),
-        (
-            "texture",
-            "int4",
-            "x, y: its width and height in texels; z: where in texel it begins; w: the number of a full colour",
-        ),
+        ("texture", "int4", "x, y: its width and height; z: where in texel it begins; w: the number of a full colour"),
         ("texel", "uchar", "red, green, blue, row by row from the top; each takes two bytes if full is not 255"),
     ),
     *_values(
         "Tree",
         "WITH_BOUNCES",
-        (
-            "middle",
-            "real4",
-            "xyz: the scene's middle in the world; w: what lengths of type real are in the tree's unit",
-        ),
+        ("middle", "real4", "xyz: the scene's middle in the world; w: the tree's units in a length of type real"),
         ("widen", "float", "what outer and inner radii of blocks differ from the radius by"),
         ("blocks", "int", "how many blocks there are"),
     ),
@@ -292,44 +258,28 @@ ARGUMENTS = (
         ("node", "Node", "the tree of boxes that rays from surfaces walk through; the first one is its root"),
         ("block", "Block", "its leaves of spheres"),
     ),
-    *_buffers(
-        "Scene",
-        "WITH_PLACED",
-        ("lamp", "real4", "xyz: a light in the world, as a vertex, or the direction to a parallel one, of any length"),
-    ),
+    *_buffers("Scene", "WITH_PLACED", ("lamp", "real4", "xyz: a light in the world, or the way to a parallel one")),
     *_values("Geometry", "WITH_CYLINDERS", ("first_cylinder", "int", "the index of the first cylinder as a surface")),
     *_buffers(
         "Geometry",
         "WITH_CYLINDERS",
-        (
-            "cylinder",
-            "real4",
-            "two for each cylinder, in the world: xyz: the middle of its start, w: its radius; xyz: that of its end. "
-            "In single, the start is from the scene's middle, and the second is the axis, of length 1, w: the length",
-        ),
+        # In single the second one is the axis, of length 1, and w is its length.
+        ("cylinder", "real4", "two each: xyz: the middle of its start, w: its radius; xyz: that of its end"),
     ),
     *_values("Scene", "WITH_CYLINDERS", ("cylinders", "int", "how many cylinders there are")),
     *_buffers(
         "Scene",
         "WITH_CYLINDERS",
         ("cylinder_side", "char", "for each light in turn, on which side of each cylinder it is, as light_side"),
-        (
-            "cylinder_seen",
-            "float4",
-            "two for each cylinder, in camera space and the float buffers' unit: xyz: its middle, w: half of its "
-            "length; xyz: along its axis, of length 1, w: its radius",
-        ),
+        # In camera space and the float buffers' unit.
+        ("cylinder_seen", "float4", "two each: xyz: its middle, w: half of its length; xyz: its axis, w: its radius"),
     ),
     *_values("Geometry", "WITH_PLANES", ("planes", "int", "how many planes clip the scene")),
     *_buffers(
         "Geometry",
         "WITH_PLANES",
-        (
-            "clip",
-            "real4",
-            "two for each plane, in the world: xyz: a point of it, in single from the scene's middle, w: the index in "
-            "material of its caps, -1: that of what they close; xyz: its normal towards the kept side",
-        ),
+        # The material is an index, -1: that of what a cap closes. The normal leads to the kept side.
+        ("clip", "real4", "two for each plane, in the world: xyz: a point, w: its caps' material; xyz: its normal"),
     ),
     *_values(
         "Scene",
@@ -338,34 +288,19 @@ ARGUMENTS = (
         ("solids", "int", "how many closed meshes the planes clip"),
         ("unclipped", "int", "whether there are surfaces that the planes do not clip"),
     ),
-    *_buffers(
-        "Scene",
-        "WITH_PLANES",
-        (
-            "solid_of",
-            "int",
-            "of a surface: -1: the planes do not clip it; > 0: it is a triangle of the closed mesh of that number; 0: "
-            "all others",
-        ),
-    ),
+    # -1: the planes do not clip it; 0: it belongs to no closed mesh.
+    *_buffers("Scene", "WITH_PLANES", ("solid_of", "int", "of a surface, the number of its closed mesh, 0 or -1")),
     *_values("Scene", "WITH_PATCHES", ("patches", "int", "how many patches there are")),
     *_buffers("Scene", "WITH_PATCHES", ("patch", "Patch", "the tree's leaves of triangles")),
     *_values("Geometry", "WITH_TRIANGLES", ("first_triangle", "int", "the index of the first triangle as a surface")),
     *_buffers(
         "Geometry",
         "WITH_TRIANGLES",
-        ("vertex", "real4", "corners of triangles in the world, in single from the scene's middle"),
+        ("vertex", "real4", "corners of triangles in the world"),
         ("face", "int4", "xyz: a triangle's corners A, B, C; w: twice its mesh, plus 1 where N points to its back"),
     ),
-    *_notes(
-        "Geometry",
-        "WITH_TRIANGLES",
-        (
-            "plane",
-            "int",
-            "of a triangle, 1 plus one before it that is in the same plane; 0: none is known. See note_plane()",
-        ),
-    ),
+    # 0: none is known, see note_plane().
+    *_notes("Geometry", "WITH_TRIANGLES", ("plane", "int", "1 plus a triangle before this one in the same plane")),
     *_values(
         "Scene",
         "WITH_TRIANGLES",
@@ -384,21 +319,10 @@ ARGUMENTS = (
         ("corner_uv", "real2", "texture coordinates of corners"),
         ("uv_face", "int4", "xyz: which of these a triangle's corners have; w: -1: none"),
     ),
-    *_notes(
-        "Geometry",
-        "IN_STAGES",
-        (
-            "undecided",
-            "uchar",
-            "of each work-item, whether its pixel is left to the second program; before these, whether any is",
-        ),
-    ),
+    *_notes("Geometry", "IN_STAGES", ("undecided", "uchar", "whether any pixel is left to the second program; which")),
     *_values("Scene", "WITH_UNSTOPPABLE", ("proved", "int", "of how many lights `unstoppable` is known")),
-    *_buffers(
-        "Scene",
-        "WITH_UNSTOPPABLE",
-        ("unstoppable", "int", "for each light in turn, a bit for each triangle, 32 in a number: see unstoppable.cl"),
-    ),
+    # For each light in turn, with the bits of 32 triangles in a number.
+    *_buffers("Scene", "WITH_UNSTOPPABLE", ("unstoppable", "int", "a bit for each triangle, see unstoppable.cl")),
     *_values(
         "Scene",
         "WITH_DROPPING",
@@ -411,25 +335,12 @@ ARGUMENTS = (
         ("lattice", "int2", "x: log2 of N, the rays of a pixel where few do not agree; y: which lattice, see LATTICES"),
         ("scatter", "float", "what a mean over them is off by at most, mostly, for each 1 by which they differ"),
     ),
-    *_values(
-        "Outputs",
-        "WITH_CEILING",
-        ("margin", "int2", "columns and rows of the region that nobody wants: it begins at a tile"),
-    ),
-    *_values(
-        "Scene", "WITH_PASSES", ("started", "int", "whether `so_far` has colours of lights that have been added before")
-    ),
+    *_values("Outputs", "WITH_CEILING", ("margin", "int2", "columns and rows of the region's first tile before it")),
+    *_values("Scene", "WITH_PASSES", ("started", "int", "whether `so_far` has colours of other lights")),
     *_notes("Outputs", "WITH_PASSES", ("so_far", "shade4", "rgb: a pixel's colour in the lights so far, not clamped")),
-    # The kernel writes a pixel of more than MOST_RAYS rays. The host writes a number below 0 where it wants no more.
-    *_notes(
-        "Scene",
-        "",
-        (
-            "last",
-            "int",
-            "the last pixel that is wanted: W times its packet's number in the picture, row by row, plus its lane",
-        ),
-    ),
+    # A pixel is W times its packet's number in the picture, row by row, plus its lane. The kernel writes one of more
+    # than MOST_RAYS rays, and the host a number below 0 where it wants no more.
+    *_notes("Scene", "", ("last", "int", "the last pixel that is wanted")),
 )
 OUTPUTS = {a.name: a for a in ARGUMENTS if a.kind == "output"}
 # The outputs that show something of the picture; the other ones count what was done for it.
@@ -486,9 +397,7 @@ FLAGS = {
     "WITH_DROPPING": "branches are dropped where no output shows them",
     "WITH_CEILING": "a pixel may take more than MOST_RAYS rays",
     "PROVE_COLOR": "no float of `color` may depend on what is dropped, as no byte does",
-    "WITH_SPHERES": "there are spheres, or no surfaces at all",
-    "WITH_CYLINDERS": "there are cylinders",
-    "WITH_TRIANGLES": "there are meshes",
+    **{f"WITH_{shape.upper()}S": f"there are {shape}s" for shape in SHAPES},
     "WITH_PLANES": "planes clip the scene",
     "WITH_PATCHES": "rays from surfaces may meet triangles",
     "WITH_TREE": "rays from surfaces walk through a tree",
@@ -497,15 +406,6 @@ FLAGS = {
     "KEEP_HIGHLIGHTS": "highlights that no pixel shows are computed, too",
     "KEEP_WEIGHTLESS": "colours of no weight are computed, too",
     **{f"OUT_{name.upper()}": f"write {name}" for name in OUTPUTS},
-}
-# The -D flags with a value.
-VALUES = {
-    "W": "pixels in a packet: 1, 4, 8 or 16",
-    "RUN": "packets that a work-item renders, one after the other",
-    "REAL_BYTES": "8: geometry is decided in double; 4: in float",
-    "SHADE_BYTES": "8: Phong's formula in double; 4: in float",
-    "BRANCHES": "room for so many rays of a pixel that wait for others",
-    **{f"{name}_BYTES": f"size of {name} as numpy lays it out" for name in STRUCTS},
 }
 
 

@@ -44,7 +44,7 @@ class Grids:
         """sights: of all shapes, in the order of SHAPES; lights: m."""
         self._world, self._sights, self._lights, self._request = world, sights, lights, request
         self._slack = SLACK if request.precision == "single" else FINE_SLACK
-        self._total, counts = len(world.id), [len(sight.inside) for sight in sights]
+        self._total, counts = len(world.id), [len(sight.eye) for sight in sights]
         # The first shape always is there, so that there is something to put together.
         self._shapes = [i for i, count in enumerate(counts) if count or not i]
         self._visible = [np.ones(count, bool) for count in counts]
@@ -124,7 +124,7 @@ class Grids:
         shadows = point_shadows(discs, slack) if light.at_point else parallel_shadows(light.axes, discs, slack)
         shadows &= who.receiver[:, None] & who.occluder
         # Seen from outside, a sphere never stands between itself and a light; seen from inside, it may.
-        inside = np.concatenate([sight.inside for sight in self._sights]) | self._world.bounces.glass
+        inside = np.concatenate([sight.eye.inside for sight in self._sights]) | self._world.bounces.glass
         np.fill_diagonal(shadows, inside)
         clipped = bool(self._world.clipping)
         casting = np.asarray(shadows.any(axis=0) | ("receivers" in keep) | clipped)

@@ -26,7 +26,7 @@ from cltrace.plan.abi import (
 def options(precision: Precision, features: frozenset[str], branches: int = 1) -> list[str]:
     """The compiler's -D options for a precision and flags that are set. KeyError for one that is not in FLAGS.
 
-    branches: BRANCHES of VALUES.
+    branches: room for so many rays of a pixel that wait for others.
     """
     for name in features:
         FLAGS[name]
@@ -68,9 +68,9 @@ def header() -> str:
 def for_its_shape(name: str, text: str) -> str:
     """A kernel's file, of a shape's folder only where there are such: but for the first one, of whose parts others are
     made."""
-    for shape, flag in [*SHAPES.items()][1:]:
+    for shape in SHAPES[1:]:
         if name.startswith(f"shapes/{shape}/"):
-            return f"#ifdef {flag}\n#line 1\n{text}#endif\n"
+            return f"#ifdef WITH_{shape.upper()}S\n#line 1\n{text}#endif\n"
     return text
 
 

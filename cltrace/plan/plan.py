@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan import abi, opencl
-from cltrace.plan.abi import SHAPES
 from cltrace.plan.lights import are_at_points, counts, kinds
 from cltrace.plan.materials import limits
 from cltrace.plan.request import LATTICES, Region, Request
@@ -59,7 +58,7 @@ def features(world: ScenePacking, camera: AnyCamera, inside: bool, request: Requ
     points = lit and (at_points or full) and bounded
     needed = {"shape": True, "bounces": bounces, "points": points}
     flags = {f"OUT_{name.upper()}": True for name in request.outputs}
-    flags |= {flag: len(shape.number) > 0 for flag, shape in zip(SHAPES.values(), world.shapes, strict=False)}
+    flags["WITH_SPHERES"] = not surfaces  # without any, the kernel knows the first shape alone
     flags |= {flag: needed[reason] for shape in world.shapes for flag, reason in shape.flags.items()}
     flags |= {
         "WITH_FILTER": "filter" not in request.keep,
@@ -93,7 +92,6 @@ def features(world: ScenePacking, camera: AnyCamera, inside: bool, request: Requ
     if world.clipping:
         # Clipped rays are decided in the world, and as those are that may start anywhere.
         flags |= dict.fromkeys(("WITH_PLANES", "WITH_LEAVING", "WITH_SHAPES", "WITH_PLACED"), True)
-    flags["WITH_SPHERES"] |= not surfaces  # without any, the kernel knows the first shape alone
     return frozenset(name for name, wanted in flags.items() if wanted)
 
 
@@ -134,7 +132,7 @@ class Plan:
     """A view and what is to be written of it: all that a device needs. numpy alone, and picklable.
 
     request: precision, outputs and crop; size: (width, height) of the whole picture in pixels; region, exponent,
-    arrays, skipped, seconds: of CameraView; features: names of abi.FLAGS; branches: BRANCHES of abi.VALUES; values: the
+    arrays, skipped, seconds: of CameraView; features: names of abi.FLAGS; branches: of opencl.options(); values: the
     kernel's arguments by name that are neither buffers nor outputs, but for those that only the launch knows.
     """
 
@@ -156,7 +154,9 @@ class Plan:
         request: the one that world and view were made for, or the same with other outputs.
         """
         camera = view.camera
-        values = view.values | _means(request) | limits(world.bounces, world.peak, request)
+        n = request.samples or 1
+        means = {"lattice": (n.bit_length() - 1, LATTICES[n]), "scatter": SCATTER[n]}
+        values = view.values | means | limits(world.bounces, world.peak, request)
         flags = features(world, camera, view.inside, request)
         if values["lights"] < len(world.lights):
             flags = (flags | {"WITH_PASSES"}) - {"WITH_UNSTOPPABLE"}
@@ -205,12 +205,6 @@ def _frame(world: ScenePacking, view: CameraView, request: Request) -> dict[str,
         "background": [_same_byte(c, rounding, shade) for c in world.background],
         "quantize": (rounding, 0, 0),
     }
-
-
-def _means(request: Request) -> dict[str, Any]:
-    """The kernel's arguments for means over samples."""
-    n = request.samples or 1
-    return {"lattice": (n.bit_length() - 1, LATTICES[n]), "scatter": SCATTER[n]}
 
 
 def _same_byte(c: float, rounding: float, shade: np.dtype[Any]) -> np.float32:

@@ -11,22 +11,9 @@ import numpy as np
 from cltrace.plan.abi import OUTPUTS, PICTURES, Precision
 
 PRECISIONS: tuple[Precision, ...] = get_args(Precision)
-Keep = Literal[
-    "lists",
-    "filter",
-    "features",
-    "lights",
-    "hidden",
-    "receivers",
-    "unstopped",
-    "highlights",
-    "outputs",
-    "order",
-    "bounces",
-    "tree",
-    "weightless",
-    "branches",
-]
+KeptSurfaces = Literal["lists", "filter", "hidden", "receivers", "unstopped", "order", "tree"]
+KeptColors = Literal["features", "lights", "highlights", "outputs", "bounces", "weightless", "branches"]
+Keep = Literal[KeptSurfaces, KeptColors]
 KEEPS: tuple[Keep, ...] = get_args(Keep)
 # What the host makes of outputs that the kernel writes, and of which.
 COMPOSED = {"rgba8": ("rgb8", "id"), "alpha": ("id",)}

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.plan.abi import dtype_of, real_dtype
+from cltrace.plan.abi import real_dtype
 from cltrace.plan.accel.grids import CellGrid, PictureWindow, build
 from cltrace.plan.accel.tree import NO_PATHS
 from cltrace.plan.lights import Lamp, Move, are_at_points, dim_highlights, kinds, lamp_places, pack_lights
@@ -74,7 +74,7 @@ class CameraView:
         return replace(
             base,
             arrays=base.arrays | _not_empty(arrays),
-            inside=any(bool(sight.inside.any()) for sight in sights),
+            inside=any(bool(sight.eye.inside.any()) for sight in sights),
             skipped=base.skipped | grids.skipped,
             seconds=seconds,
             lit=frozenset(lit),
@@ -82,11 +82,9 @@ class CameraView:
 
     def recolored(self, world: ScenePacking, request: Request) -> CameraView:
         """The same view of a world that differs_in_materials() from the one that was seen."""
-        brightest = world.materials.brightest * world.bounces.growth(self.camera.max_bounces)
         lights = self.arrays["light"].copy()
-        dim_highlights(lights[: len(world.lights)], world.lights, request.precision, brightest)
-        arrays = _shades(world) | world.textures.arrays() | {"light": lights}
-        return replace(self, arrays=self.arrays | _not_empty(arrays))
+        dim_highlights(lights[: len(world.lights)], world.lights, request.precision, _brightest(world, self.camera))
+        return replace(self, arrays=self.arrays | _not_empty(_shades(world) | {"light": lights}))
 
     @classmethod
     def without_lists(cls, world: ScenePacking, camera: AnyCamera, request: Request, k: int) -> CameraView:
@@ -100,22 +98,20 @@ class CameraView:
         # room for the fourth power of every float32 number, and keeps scene units.
         exponent, unit = (k, 0) if real.itemsize == 4 else (None, k)
         place = np.array([(*vector, 0.0) for vector in (camera.position, *camera.basis())], real)
+        lights = in_camera_space(camera, world.lights["position"]) * (1 if exponent is None else 2.0**k)
         lamp = np.zeros((len(world.lights), 4), real)
-        if world.paths:
-            lamp[:, :3] = lamp_places(world.lights, world.paths.middle, exponent)
-        else:
-            lamp[:, :3] = lamp_places(world.lights, np.zeros(3), None)
+        # Without paths nobody reads places in the world, and the scene's middle is not known.
+        placed = None if world.paths is NO_PATHS else exponent
+        lamp[:, :3] = lamp_places(world.lights, world.paths.middle, placed)
         arrays = {
             "id_of": world.id,
-            "light": packed_lights(world, camera, request, k),
+            "light": pack_lights(world.lights, lights, basis, request.precision, _brightest(world, camera)),
             "unstoppable": np.zeros(0, np.int32),  # not known before it is worth while: see run/unstoppable.py
             "camera": place[:0] if exponent is not None else place,
             "lamp": lamp,
-            **{name: np.zeros(0, dtype_of(name.title(), request.precision)) for name in ("node", "block", "patch")},
-            **(world.paths.arrays() if world.paths else {}),
+            **world.paths.arrays(),
         }
-        arrays |= _shades(world) | world.textures.arrays()
-        arrays |= world.clipping.arrays(real, exponent, world.paths)
+        arrays |= _shades(world) | world.clipping.arrays(real, placed, world.paths)
         values = {
             "lights": len(world.lights),
             "materials": len(world.materials.packed),
@@ -124,7 +120,7 @@ class CameraView:
             "bounces": camera.max_bounces,
             "ahead": (*(-basis[2]).tolist(), 0.0),
             **world.clipping.values(),
-            **(world.paths.values(camera, exponent) if world.paths else NO_PATHS),
+            **world.paths.values(camera, exponent),
         }
         for first, shape in world.placed:
             arrays |= shape.packed(real, exponent, basis, world.paths)
@@ -143,18 +139,15 @@ def exponent_of(world: ScenePacking, camera: AnyCamera, lengths: Sequence[Array]
     return exponent([*lengths, points], max(plane, least))
 
 
-def packed_lights(world: ScenePacking, camera: AnyCamera, request: Request, k: int) -> NDArray[np.void]:
-    """The world's lights as pack_lights() makes them. k: see CameraView.without_lists()."""
-    place = in_camera_space(camera, world.lights["position"]) * (2.0**k if request.precision == "single" else 1)
-    brightest = world.materials.brightest * world.bounces.growth(camera.max_bounces)
-    return pack_lights(
-        world.lights, place, basis=np.array(camera.basis()), precision=request.precision, brightest=brightest
-    )
+def _brightest(world: ScenePacking, camera: AnyCamera) -> float:
+    """The largest ks of any material, times what all rays of a pixel together may weigh."""
+    return world.materials.brightest * world.bounces.growth(camera.max_bounces)
 
 
 def _shades(world: ScenePacking) -> Arrays:
-    """The buffers of materials."""
-    return {"material_of": world.material_of, "material": world.materials.packed, "bounce": world.materials.bounce}
+    """The buffers of materials and textures."""
+    packed = {"material_of": world.material_of, "material": world.materials.packed, "bounce": world.materials.bounce}
+    return packed | world.textures.arrays()
 
 
 def _not_empty(arrays: Arrays) -> Arrays:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.base.arrays import joined
-from cltrace.plan.accel.tree import Paths
+from cltrace.plan.accel.tree import NO_PATHS, Paths
 from cltrace.plan.lights import useful_lights
 from cltrace.plan.materials import NO_BOUNCES, NO_TEXTURES, Bounces, Materials, Textures, brightest
 from cltrace.plan.request import Request
@@ -60,10 +60,10 @@ class Clipping:
         solid_of = np.concatenate([shape.solid_of(scene) for shape in shapes]).astype(np.int32)
         return cls(planes["point"], normal, planes["material"], solid_of, int(solid_of.max(initial=0)))
 
-    def arrays(self, real: np.dtype[Any], exponent: int | None, paths: Paths | None) -> Arrays:
+    def arrays(self, real: np.dtype[Any], exponent: int | None, paths: Paths) -> Arrays:
         """The kernel's buffers by name. exponent: of the float buffers, where `real` is float; else None."""
         place: NDArray[Any] = self.point
-        if exponent is not None and paths:
+        if exponent is not None:
             place = np.ldexp(place - paths.middle, exponent)
         planes = np.zeros((len(place), 2, 4), real)
         planes[:, 0, :3], planes[:, 0, 3], planes[:, 1, :3] = place, self.material, self.normal
@@ -87,9 +87,9 @@ class ScenePacking:
     triangle has its mesh's; material_of: (n,), the index of each one's material in materials; textures: those that
     surfaces have; lights: (m,) of the scene's lamps, those that can add to a colour, in the order of LIGHT_KINDS; soft:
     whether any light is soft, and so stands for many; bounces: what surfaces do with rays; clipping: the planes that
-    clip them; paths: what rays need that leave surfaces, None where no ray does; background: linear (r, g, b); peak:
-    (3,), brightest() where a ray may become two, else 0; skipped:
-    what the scene does not need, in words, and how often; seconds: what took how long: "tree".
+    clip them; paths: what rays need that leave surfaces, NO_PATHS where none does; background: linear (r, g, b); peak:
+    (3,), brightest() where a ray may become two, else 0; skipped: what the scene does not need, in words, and how
+    often; seconds: what took how long: "tree".
     """
 
     shapes: tuple[ShapePacking, ...]
@@ -101,7 +101,7 @@ class ScenePacking:
     soft: bool
     bounces: Bounces
     clipping: Clipping
-    paths: Paths | None
+    paths: Paths
     background: Vector
     peak: Array
     skipped: dict[str, int]
@@ -139,14 +139,12 @@ class ScenePacking:
             textures = Textures.of(scene.textures, materials.texture, of, squares=request.means)
         if bounces.splits:
             peak = brightest(materials, of, lights, scene.background)
-        paths, seconds = None, dict[str, float]()
+        paths, seconds = NO_PATHS, dict[str, float]()
         if same and same.bounces.any == bounces.any:
             paths = same.paths
         elif len(of) and (bounces.any or len(scene.planes) or any(shape.leave for shape in shapes)):
             with timed(seconds, "tree"):
-                names = {name for shape in shapes for name in shape.tree}
-                parts = {name: joined([shape.tree[name] for shape in shapes if name in shape.tree]) for name in names}
-                paths = Paths.of(**parts if bounces.any else parts | {"member": None})
+                paths = paths_of(shapes, tree=bounces.any)
         return cls(
             shapes=shapes,
             id=same.id if same else joined([shape.number for shape in shapes]),
@@ -175,6 +173,13 @@ class ScenePacking:
             and self.lights.tobytes() == other.lights.tobytes()
             and (self.bounces.any, self.bounces.glass) == (other.bounces.any, other.bounces.glass)
         )
+
+
+def paths_of(shapes: Sequence[ShapePacking], tree: bool = True, room: float = 1.0) -> Paths:
+    """The paths among the surfaces of all shapes. tree: whether rays leave any of them; room: of Paths.of()."""
+    names = {name for shape in shapes for name in shape.tree}
+    parts = {name: joined([shape.tree[name] for shape in shapes if name in shape.tree]) for name in names}
+    return Paths.of(**parts if tree else parts | {"member": None}, room=room)
 
 
 class Before(NamedTuple):
@@ -211,4 +216,4 @@ def _materials(
 def timed(seconds: dict[str, float], name: str) -> Iterator[None]:
     start = time.perf_counter()
     yield
-    seconds[name] = time.perf_counter() - start
+    seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - start

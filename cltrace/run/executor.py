@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -21,6 +20,7 @@ from cltrace.base.waiting import Announcement, interruptible
 from cltrace.plan.abi import CONSTANTS, COUNTERS, OUTPUTS, Precision, arguments_of, dtype_of
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import WIDTHS, Region
+from cltrace.plan.world import timed
 from cltrace.run.devices import Device, check_sizes, driver_errors
 from cltrace.run.program import BUFFER, Kernel, argument, context_of, program
 from cltrace.run.unstoppable import Unstoppable
@@ -253,11 +253,11 @@ class Executor:
         build, and DeviceError if the driver fails or has not enough memory.
         """
         plan, seconds = made[0], dict[str, float]()
-        with _timed(seconds, "build"), driver_errors(device), Announcement("compiling the kernel ..."):
+        with timed(seconds, "build"), driver_errors(device), Announcement("compiling the kernel ..."):
             queue: Any = cl.CommandQueue(context_of(device.cl))
             built = BuiltKernel.of(plan, device, width, queue)
         last = Last(queue.context, device, "WITH_CEILING" in plan.features)
-        with _timed(seconds, "upload"), driver_errors(device):
+        with timed(seconds, "upload"), driver_errors(device):
             buffers = _uploaded(made, device, queue, before) | {"last": last.buffer}
             if "WITH_TRIANGLES" in plan.features:
                 size = 4 * max(plan.values["triangles"], 1)
@@ -271,7 +271,7 @@ class Executor:
             plan, device, width, plan.region, queue, built, buffers, built.values(plan), last, further=further,
             unstoppable=unstoppable, seconds=seconds,
         )  # fmt: skip
-        with _timed(seconds, "build"), driver_errors(device), Announcement("compiling the kernel ..."):
+        with timed(seconds, "build"), driver_errors(device), Announcement("compiling the kernel ..."):
             executor._launch_first(built.kernel)
         return executor
 
@@ -519,13 +519,6 @@ class Executor:
         outputs = {name: frame.buffers.get(name, self.buffers["power"]) for name in OUTPUTS}
         arguments = self.values | of_launch | self.buffers | outputs | frame.buffers
         return kernel.start(self.queue, grid, self.packet.group, arguments)
-
-
-@contextmanager
-def _timed(seconds: dict[str, float], name: str) -> Iterator[None]:
-    start = time.perf_counter()
-    yield
-    seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - start
 
 
 def _uploaded(made: Made, device: Device, queue: Any, before: Executor | None) -> dict[str, Any]:

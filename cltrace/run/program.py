@@ -34,7 +34,7 @@ SOURCES = (
     "shapes/sphere/meet.cl",
     "shapes/start.cl",
     "shapes/sphere/leaving.cl",
-    *(f"shapes/{shape}/{shape}.cl" for shape in [*SHAPES][1:]),
+    *(f"shapes/{shape}/{shape}.cl" for shape in SHAPES[1:]),
     "find/cells.cl",
     "find/closest.cl",
     "find/leaves.cl",

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 from cltrace.base.arrays import joined
 from cltrace.base.waiting import Announcement
 from cltrace.plan import abi, opencl
-from cltrace.plan.accel.tree import Paths
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array, Ints
-from cltrace.plan.world import SHAPES
+from cltrace.plan.world import SHAPES, paths_of
 from cltrace.run.devices import Device, check_sizes, driver_errors
 from cltrace.run.program import BUFFER, SOURCES, Kernel, context_of, program
 from cltrace.scene import Scene
@@ -64,23 +63,18 @@ class RayTracer:
     def __init__(self, scene: Scene, device: Device) -> None:
         self.device = device
         request = Request(outputs=("id",))
-        self.shapes = shapes = tuple(kind.of(scene, request, None) for kind in SHAPES)
-        names = {name for shape in shapes for name in shape.tree}
-        parts = {name: joined([shape.tree[name] for shape in shapes if name in shape.tree]) for name in names}
+        shapes = tuple(kind.of(scene, request, None) for kind in SHAPES)
         # The tree's unit is twice as large as the scene, so that rays may begin outside of it.
-        paths = Paths.of(**parts, room=2.0)
+        paths = paths_of(shapes, room=2.0)
         axes, real = np.eye(3), np.dtype("f8")
         arrays = {"id_of": joined([shape.number for shape in shapes]), **paths.arrays()}
         arrays["camera"] = np.zeros((4, 4))
         arrays["camera"][1:, :3] = axes
-        middle = (*paths.middle.tolist(), 2.0**paths.exponent)
-        values: dict[str, Any] = {"middle": middle, "widen": paths.widen, "unit": 1.0}
-        values |= {"blocks": len(arrays["block"]), "patches": len(arrays["patch"])}
+        values = {**paths.values(scene.camera, None), "unit": 1.0}
         first, features = 0, set(FLAGS)
-        for flag, shape in zip(abi.SHAPES.values(), shapes, strict=True):
+        for shape in shapes:
             arrays |= shape.packed(real, None, axes, paths)
             values |= shape.values(first)
-            features |= {flag} if len(shape.number) else set()
             features |= {name for name, reason in shape.flags.items() if reason in ("shape", "bounces")}
             first += len(shape.number)
         self.number, triangles = arrays["id_of"], shapes[-1].number

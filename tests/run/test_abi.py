@@ -76,10 +76,11 @@ def test_flags_that_are_used_are_flags_that_can_be_set() -> None:
     used |= set(re.findall(r"\bHAS\(([A-Z_0-9]+)\)", code))
     own = set(re.findall(r"^#\s*define\s+(\w+)", code, re.MULTILINE)) | {"__has_builtin", "__AVX__", "__AVX512DQ__"}
     builtins = {name for name in used if name.startswith("__builtin")}
-    given = set(abi.FLAGS) | set(abi.VALUES)
+    values = {"W", "RUN"} | {option[2:].partition("=")[0] for option in opencl.options("single", frozenset())}
+    given = set(abi.FLAGS) | values
     assert used - own - builtins <= given
     assert set(abi.FLAGS) <= used
-    assert all(re.search(rf"\b{name}\b", code) for name in abi.VALUES)
+    assert all(re.search(rf"\b{name}\b", code) for name in values)
 
 
 def test_a_program_for_each_combination_of_features_only() -> None:

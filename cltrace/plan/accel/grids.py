@@ -26,12 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import CONSTANTS, Precision, dtype_of
-from cltrace.plan.accel.silhouettes import (
-    SLACK,
-    Projected,
-    Silhouettes,
-    joined_projections,
-)
+from cltrace.plan.accel.silhouettes import SLACK, Projected, Silhouettes, joined_projections
 from cltrace.plan.request import Region, Request
 from cltrace.plan.rounding import Array, Ints, Mask
 from cltrace.scene import AnyCamera

@@ -99,6 +99,11 @@ class Silhouettes(ABC):
         """(n,): which of them rays from there can meet."""
         return np.ones(len(self), bool)
 
+    @property
+    def inside(self) -> Mask:
+        """(n,): which of them may have the point inside or on them."""
+        return np.zeros(len(self), bool)
+
     @abstractmethod
     def nearest(self, which: NDArray[np.intp], ends: Sequence[Array]) -> NDArray[np.float32]:
         """Lower bounds of the squared distances of some of them; -1 where it may be 0. ends: (3, k) each, of these."""
@@ -185,6 +190,10 @@ class Discs(Silhouettes):
     def ends(self) -> NDArray[np.integer[Any]]:
         return np.arange(len(self.radius))[None]
 
+    @property
+    def inside(self) -> Mask:
+        return np.less_equal(self.power, 0)
+
     def nearest(self, which: NDArray[np.intp], ends: Sequence[Array]) -> NDArray[np.float32]:
         """From inside, too, the nearest point is | |C| - r | away."""
         # Relative errors, in units of 2^-24: the gap is right to 6, its square to 14, and the kernel's squared lengths
@@ -236,7 +245,6 @@ class Capsules(Silhouettes):
 
     @property
     def inside(self) -> Mask:
-        """(n,): which of them may have the point inside or on them."""
         return np.asarray(self.distance(np.arange(len(self.radius)), [self.start.T, self.end.T]) == 0)
 
 

@@ -439,14 +439,7 @@ def _joined(trees: list[NDArray[np.void]]) -> NDArray[np.void]:
     return np.concatenate(parts)
 
 
-# The kernel's arguments where no ray leaves a surface.
-NO_PATHS: dict[str, Any] = {
-    "middle": (0.0, 0.0, 0.0, 1.0),
-    "widen": 0.0,
-    "blocks": 0,
-    "patches": 0,
-    "eye": (0.0, 0.0, 0.0, 0.0),
-}
+NO_TREE = BoxTree(*(np.zeros(0, kind) for kind in (NODE_TYPE, BLOCK_TYPE, PATCH_TYPE)))
 
 
 @dataclass(frozen=True)
@@ -455,13 +448,13 @@ class Paths:
 
     middle: (3,), a point in the world, scene units; exponent: a length in scene units, times 2^exponent, is in the
     tree's unit; widen: what the tree's radii are larger or smaller by, in its unit; tree: of the surfaces that can be
-    met, None where no ray leaves any.
+    met, NO_TREE where no ray leaves any.
     """
 
     middle: Array
     exponent: int
     widen: float
-    tree: BoxTree | None
+    tree: BoxTree
 
     @classmethod
     def of(
@@ -491,7 +484,7 @@ class Paths:
         exponent = -math.frexp(size)[1]
         unit = 2.0**exponent
         widen = CONSTANTS["WIDEN"] * U * size * unit
-        tree = None
+        tree = NO_TREE
         if member is not None:
             index = None if member.all() else np.flatnonzero(member).astype(np.int32)
             large = outer * unit
@@ -502,8 +495,6 @@ class Paths:
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The kernel's buffers by name."""
-        if self.tree is None:
-            return {name: np.zeros(0, dtype_of(name.title(), "accurate")) for name in ("node", "block", "patch")}
         return {"node": self.tree.node, "block": self.tree.block, "patch": self.tree.patch}
 
     def values(self, camera: AnyCamera, exponent: int | None) -> dict[str, Any]:
@@ -513,12 +504,15 @@ class Paths:
             # What is too small for float32, seen from so far, is a point there in any unit.
             middle = (0.0, 0.0, 0.0, math.ldexp(1.0, min(self.exponent - exponent, 127)))
             eye = np.ldexp(eye - self.middle, exponent)
-        blocks, patches = (len(self.tree.block), len(self.tree.patch)) if self.tree else (0, 0)
-        values = {"middle": middle, "widen": self.widen, "blocks": blocks, "patches": patches}
-        return {**values, "eye": (*eye.tolist(), 0.0)}
+        counts = {"blocks": len(self.tree.block), "patches": len(self.tree.patch)}
+        return {"middle": middle, "widen": self.widen, **counts, "eye": (*eye.tolist(), 0.0)}
 
     def places(self, center: Array, radius: Array, exponent: int | None) -> Array:
         """(n, 4): abi's `place`. exponent: as in values()."""
         if exponent is not None:
             center, radius = np.ldexp(center - self.middle, exponent), np.ldexp(radius, exponent)
         return np.concatenate([center, radius[:, None]], axis=1)
+
+
+# Where no ray may start anywhere.
+NO_PATHS = Paths(np.zeros(3), 0, 0.0, NO_TREE)

@@ -21,7 +21,7 @@ from cltrace.plan.rounding import Array, Ints, along, rotated
 from cltrace.plan.shapes.shape import Arrays, InView, ShapePacking, Sights, share
 from cltrace.scene import AnyCamera, Scene
 
-FLAGS = {"WITH_SHAPES": "shape", "WITH_PLACED": "shape"}
+FLAGS = {"WITH_CYLINDERS": "shape", "WITH_SHAPES": "shape", "WITH_PLACED": "shape"}
 # Bounds are wider by this share than double rounds.
 ROOM = 2.0**-40
 
@@ -73,9 +73,9 @@ class CylinderPacking(ShapePacking):
     def values(self, first: int) -> dict[str, Any]:
         return {"first_cylinder": first, "cylinders": len(self.radius)}
 
-    def packed(self, real: np.dtype[Any], exponent: int | None, basis: Array, paths: Paths | None) -> Arrays:
+    def packed(self, real: np.dtype[Any], exponent: int | None, basis: Array, paths: Paths) -> Arrays:
         packed = np.zeros((len(self.radius), 2, 4), real)
-        if exponent is None or not paths:
+        if exponent is None:
             packed[:, 0, :3], packed[:, 1, :3], packed[:, 0, 3] = self.start, self.end, self.radius
         else:
             axis = np.ldexp(self.end - self.start, exponent)
@@ -138,7 +138,7 @@ class CylindersInView(InView):
         eye = self.capsules(self.near, k)
         lit: Arrays = {"cylinder_side": sides.reshape(-1)}
         arrays: Arrays = {"cylinder_seen": self._seen(k)}
-        return Sights(arrays, eye=eye, lights=[*seen], visible=None, inside=eye.inside, lit=lit)
+        return Sights(arrays, eye=eye, lights=[*seen], visible=None, lit=lit)
 
     def _seen(self, k: int) -> NDArray[np.float32]:
         """The kernel's buffer of that name."""

@@ -348,7 +348,8 @@ def _exponent_of(normals: NDArray[np.float64]) -> int:
     return int(np.frexp(max(normals.max(initial=0), -normals.min(initial=0)))[1])
 
 
-FLAGS = {"WITH_SHAPES": "shape", "WITH_PLACED": "shape", "WITH_PATCHES": "bounces", "WITH_UNSTOPPABLE": "points"}
+FLAGS = dict.fromkeys(("WITH_TRIANGLES", "WITH_SHAPES", "WITH_PLACED"), "shape")
+FLAGS |= {"WITH_PATCHES": "bounces", "WITH_UNSTOPPABLE": "points"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -397,9 +398,9 @@ class MeshPacking(ShapePacking):
     def values(self, first: int) -> dict[str, Any]:
         return {"first_triangle": first, "triangles": len(self.triangles.face)}
 
-    def packed(self, real: np.dtype[Any], exponent: int | None, basis: Array, paths: Paths | None) -> Arrays:
+    def packed(self, real: np.dtype[Any], exponent: int | None, basis: Array, paths: Paths) -> Arrays:
         vertex = self.triangles.vertex
-        if exponent is not None and paths:
+        if exponent is not None:
             vertex = np.ldexp(vertex - paths.middle, exponent)
         face, number = self.triangles.face, self.triangles.number
         arrays = {"vertex": widened(vertex, 4, real), "face": face, "number_of": number}
@@ -435,8 +436,7 @@ class MeshesInView(InView):
         eye_row, *rows = self.rows(len(lights))
         eye = self.from_eye(k, eye_row)
         seen = [self.from_light(light, k, row) for light, row in zip(lights, rows, strict=True)]
-        inside = np.zeros(len(self.triangles.face), bool)
-        return Sights(self.arrays, eye=eye, lights=[*seen], visible=None, inside=inside, lit=self.lit)
+        return Sights(self.arrays, eye=eye, lights=[*seen], visible=None, lit=self.lit)
 
     def rows(self, lights: int) -> Iterable[Any]:
         """Where facets go that are seen from the eye, and from each light."""

@@ -31,8 +31,7 @@ class Sights(NamedTuple):
     """The surfaces of one shape as the eye and the lights see them, in the float buffers' unit.
 
     arrays, lit: the kernel's buffers by name, lit those that have rows for each light in turn; eye, lights: from there;
-    visible: (n,), which of them rays can meet, None for all;
-    inside: (n,), which of them have the eye inside or on them.
+    visible: (n,), which of them rays can meet, None for all.
     """
 
     arrays: Arrays
@@ -40,7 +39,6 @@ class Sights(NamedTuple):
     eye: Silhouettes
     lights: list[Silhouettes]
     visible: Mask | None
-    inside: Mask
 
 
 class InView(ABC):
@@ -60,10 +58,9 @@ class ShapePacking(ABC):
     """All n surfaces of one shape in a world, in the order in which they are packed: what no camera changes.
 
     row: (n,), which one of the scene each one is, the same object as of another world if that has the same order;
-    number: (n,), the number of each one's surface in the scene; flags: abi.FLAGS that the kernel has for them, beside
-    their own one, and what for: the shape itself, bounces, or lights at points; tree: what Paths.of()
-    wants of them, by name; leave: whether rays that meet some of them are decided as those that leave surfaces; words:
-    what they are, for messages.
+    number: (n,), the number of each one's surface in the scene; flags: abi.FLAGS that the kernel has for them, and what
+    for: the shape itself, bounces, or lights at points; tree: what Paths.of() wants of them, by name; leave: whether
+    rays that meet some of them are decided as those that leave surfaces; words: what they are, for messages.
     """
 
     row: Ints
@@ -101,7 +98,7 @@ class ShapePacking(ABC):
         """The kernel's arguments by name. first: the index of the first one as a surface."""
 
     @abstractmethod
-    def packed(self, real: np.dtype[Any], exponent: int | None, basis: Array, paths: Paths | None) -> Arrays:
+    def packed(self, real: np.dtype[Any], exponent: int | None, basis: Array, paths: Paths) -> Arrays:
         """The kernel's buffers by name, but for those that depend on how the surfaces are seen.
 
         real: the dtype of hits; exponent: of the float buffers, where `real` is float, else None; basis: (3, 3), the

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from cltrace.base.arithmetic import inverses, two_sum, whole_inverse
 from cltrace.plan.abi import CONSTANTS, dtype_of, real_dtype
 from cltrace.plan.accel.silhouettes import FINE_SLACK, Discs, Silhouettes
-from cltrace.plan.accel.tree import Paths
+from cltrace.plan.accel.tree import NO_PATHS, Paths
 from cltrace.plan.lights import Lamp
 from cltrace.plan.order import MANY, gathered, repeated, spatial_order, step
 from cltrace.plan.request import Request
@@ -247,7 +247,8 @@ class SpherePacking(ShapePacking):
             again = repeated(center, radius, shape=shape, number=number, by_place=by_place)
         maps = Maps.of(shape, scene.to_object) if (shape >= 0).any() else None
         reach = radius * maps.longest[maps.of_sphere] if maps else radius
-        flags = {"WITH_ELLIPSOIDS": "shape", "WITH_SHAPES": "shape"} if maps else {}
+        flags = {"WITH_SPHERES": "shape"} if len(row) else {}
+        flags |= {"WITH_ELLIPSOIDS": "shape", "WITH_SHAPES": "shape"} if maps else {}
         # Each is between two spheres.
         core = radius * maps.shortest[maps.of_sphere] if maps else radius
         tree = {"center": center, "outer": reach, "inner": core, "member": ~again}
@@ -269,9 +270,9 @@ class SpherePacking(ShapePacking):
     def values(self, first: int) -> dict[str, Any]:
         return {"count": len(self.radius)}
 
-    def packed(self, real: np.dtype[Any], exponent: int | None, basis: Array, paths: Paths | None) -> Arrays:
+    def packed(self, real: np.dtype[Any], exponent: int | None, basis: Array, paths: Paths) -> Arrays:
         arrays: Arrays = {"place": np.zeros((0, 4), real), "map_of": np.zeros(0, np.int32)}
-        if paths:
+        if paths is not NO_PATHS:
             arrays["place"] = paths.places(self.center, self.radius, exponent).astype(real)
         if self.maps:
             return arrays | {"map_of": self.maps.of_sphere, "map": self.maps.packed(basis, real)}
@@ -333,7 +334,7 @@ class SpheresInView(InView):
         arrays = self._from_eye(small, k, real_dtype(request.precision))
         lit: Arrays = {"light_filter": filters.reshape(-1, 4), "light_side": sides.reshape(-1)}
 
-        return Sights(arrays, eye=eye, lights=seen, visible=~self.spheres.again, inside=eye.power <= 0, lit=lit)
+        return Sights(arrays, eye=eye, lights=seen, visible=~self.spheres.again, lit=lit)
 
     def from_light(self, light: Lamp, small: CameraSpace, unit: float, filter_: Any, side: NDArray[np.int8]) -> Discs:
         """What a light sees. small: in 1 / unit scene units; filter_: (n, 4), abi's light_filter; side: (n,), as seen

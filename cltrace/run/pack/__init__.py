@@ -24,11 +24,7 @@ MANY, PART_AGAIN = 2**15, 4
 
 
 def packer_of(
-    world: ScenePacking,
-    request: Request,
-    device: Device,
-    before: Packer | None = None,
-    again: bool = False,
+    world: ScenePacking, request: Request, device: Device, before: Packer | None = None, again: bool = False
 ) -> Packer | None:
     """What makes CameraViews of a world on a device; None for few surfaces, and on one that does
     not compute as numpy does.
@@ -51,11 +47,7 @@ def packer_of(
 
 
 def view_by(
-    packer: Packer | None,
-    world: ScenePacking,
-    camera: AnyCamera,
-    request: Request,
-    keep: bool = True,
+    packer: Packer | None, world: ScenePacking, camera: AnyCamera, request: Request, keep: bool = True
 ) -> tuple[CameraView, dict[str, Any]]:
     """The view of a camera, with the bits of CameraView.of(), and what it lacks: buffers, by names of abi.ARGUMENTS.
 
