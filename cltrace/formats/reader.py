@@ -31,16 +31,13 @@ class _SceneReader(ElementReader):
 
     def __init__(self, path: str, instances: int) -> None:
         super().__init__(path)
-        self._meshes = MeshReader(self, instances)
-        self._shapes: dict[str, ShapeReader] = {
-            "sphere": SphereReader(self),
-            "mesh": self._meshes,
-            "cylinder": CylinderReader(self),
-        }
+        self._spheres, self._meshes = SphereReader(self), MeshReader(self, instances)
+        cylinders = CylinderReader(self)
+        self._shapes: dict[str, ShapeReader] = {"sphere": self._spheres, "mesh": self._meshes, "cylinder": cylinders}
         self._lights = [np.zeros(0, LIGHT)]
         self._members = 0  # of all lights: those that are not soft are one
         self._light_lines, self._surface_lines = array("i"), array("i")
-        self._finishes = array("d")  # of surfaces without faults, 11 numbers each: see packed_materials()
+        self._finishes = array("d")  # of surfaces without faults, in order, 11 numbers each: see packed_materials()
         self._transforms: dict[int, NDArray[np.float64]] = {}  # the maps of the steps of the first surfaces
 
     def take(self, element: Element, parent: Element) -> None:
@@ -79,13 +76,10 @@ class _SceneReader(ElementReader):
             raise FatalError(element.line, f"{most}{hint('lights')}")
 
     def take_usual(self, text: bytes, begin: int, line: int) -> int:
-        spheres = self._shapes["sphere"]
-        assert isinstance(spheres, SphereReader)
-        end, lines, finishes = spheres.read_usual(text, begin, line)
+        end, lines, finishes = self._spheres.read_usual(text, begin, line)
         first = len(self._surface_lines)
-        spheres.finishes.extend(range(len(self._finishes) // 11, len(self._finishes) // 11 + len(lines)))
-        spheres.numbers.extend(range(first, first + len(lines)))
-        spheres.lines.extend(lines)
+        self._spheres.numbers.extend(range(first, first + len(lines)))
+        self._spheres.lines.extend(lines)
         self._surface_lines.extend(lines)
         self._finishes.frombytes(finishes.tobytes())
         return end
@@ -93,8 +87,7 @@ class _SceneReader(ElementReader):
     def _take_surface(self, element: Element) -> None:
         shape, number = self._shapes[element.tag], len(self._surface_lines)
         self._surface_lines.append(element.line)
-        shape.count += 1
-        if shape.count > shape.most:
+        if len(shape.numbers) == shape.most:
             raise FatalError(element.line, f"surfaces: must be at most {shape.most} {shape.words}")
         steps = element["transform"].steps if "transform" in element else []
         if steps and len(self._transforms) < MAX_TRANSFORMS:
@@ -102,7 +95,6 @@ class _SceneReader(ElementReader):
         if shape.read(element, steps):
             shape.numbers.append(number)
             shape.lines.append(element.line)
-            shape.finishes.append(len(self._finishes) // 11)
             material = element.values.get("material_solid") or element["material_textured"]
             self._finishes.extend(material["color"].numbers if "color" in material else (1.0, 1.0, 1.0))
             for name in ("phong", "reflectance", "transmittance", "refraction"):
@@ -138,7 +130,7 @@ class _SceneReader(ElementReader):
         surfaces: dict[str, Any] = {}
         for shape in shapes:
             shape.doubt_reach(view)
-            surfaces |= shape.fields(material_of[np.array(shape.finishes)])
+            surfaces |= shape.fields(material_of[np.array(shape.numbers)])
         output_file = root["output_file"]
         if Path(output_file).suffix.lower() != ".png":
             message = f"scene: output_file {quoted(output_file)} does not end in .png, which is appended"
@@ -172,7 +164,7 @@ class _SceneReader(ElementReader):
         triangles, in_files = self._meshes.triangles()
         if triangles == in_files and self._members <= FEW:
             return
-        surfaces = triangles + sum(shape.count for shape in self._shapes.values() if shape is not self._meshes)
+        surfaces = triangles + sum(len(shape.numbers) for shape in self._shapes.values() if shape is not self._meshes)
         most = MAX_PAIRS * max(self.files.size, PAIRS_BYTES) // PAIRS_BYTES
         if self._members * surfaces > most:
             self.faults.add(

@@ -37,8 +37,7 @@ from cltrace.scene import (
     sun_light,
 )
 
-FINITE = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
-_FLOAT = re.compile(rf"{FINITE}|[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
+_FLOAT = re.compile(r"[-+]?(?:(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:e[-+]?[0-9]+)?|nan|inf|infinity)", re.IGNORECASE)
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _XML_SPACE = " \t\r\n"
 

@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 from cltrace.base.errors import located
 from cltrace.base.limits import MAX_CYLINDERS, MAX_MESHES, MAX_SPHERES, MAX_TRIANGLES, MAX_VERTICES, hint
 from cltrace.formats.elements import ElementReader
-from cltrace.formats.schema import ELEMENTS, FINITE, Element
+from cltrace.formats.schema import ELEMENTS, Element
 from cltrace.scene import (
     ANY,
     CYLINDER,
     MATERIAL,
-    NOT_NEGATIVE,
     POSITIVE,
     SPHERE,
     Camera,
@@ -53,17 +52,15 @@ Rows = Sequence[Sequence[float]]
 class ShapeReader(ABC):
     """The surfaces of one element so far.
 
-    words, most: what they are, and how many there may be; file: what is told of faults and warnings; count: of all,
-    also of those with faults; numbers, lines, finishes: of those without, each one's number among all surfaces, its
-    line, and the index of its finish.
+    words, most: what they are, and how many there may be; file: what is told of faults and warnings; numbers, lines: of
+    those without faults, each one's number among all surfaces, and its line.
     """
 
     words: str
     most: int
 
     def __init__(self, file: ElementReader) -> None:
-        self.file, self.count = file, 0
-        self.numbers, self.lines, self.finishes = array("i"), array("i"), array("i")
+        self.file, self.numbers, self.lines = file, array("i"), array("i")
 
     @abstractmethod
     def read(self, element: Element, steps: Steps) -> bool:
@@ -90,9 +87,13 @@ class ShapeReader(ABC):
 
 
 def _layout(tag: str) -> str:
-    """The pattern of an element as the format's listing has it, without a transform; a group for each number."""
-    kind, space = ELEMENTS[tag], r"[ \t\r\n]"
-    start = tag + "".join(rf'{space}+{name}="({FINITE})"' for name in kind.attributes)
+    """The pattern of an element as the format's listing has it, without a transform; a group for each number.
+
+    All rules of spheres allow these numbers, which are 0 or within 1e-39..1e37.
+    """
+    kind, space, number = ELEMENTS[tag], r"[ \t\r\n]", r"[0-9]{1,18}(?:\.[0-9]{0,20})?(?:[eE][-+]?[01]?[0-9])?"
+    signs = {name: "-?" if name in "xyz" else "" for name in kind.attributes}
+    start = tag + "".join(rf'{space}+{name}="({sign}{number})"' for name, sign in signs.items())
     children = "".join(_layout(slot.split("|")[0]) for slot in kind.children)
     return rf"{space}*<{start}[ \t]*" + (rf">{children}{space}*</{tag}>" if children else "/>")
 
@@ -126,7 +127,7 @@ class SphereReader(ShapeReader):
             to_world, to_object = ([number for row in rows for number in row] for rows in maps)
             self.doubt_size(element, max(map(abs, to_world)), 1 / (max(map(abs, to_object)) or math.nan))
             self._maps.extend([*to_world, *to_object])
-            self._bent.append(len(self.lines))
+            self._bent.append(len(self.numbers))
         self.doubt_size(element, radius)
         self._rows.extend((*center, radius, len(self._bent) - 1 if maps else -1))
         return True
@@ -137,21 +138,16 @@ class SphereReader(ShapeReader):
         Returns where they end, their lines, and their finishes, (n, 11). line: that of `begin`.
         """
         ends, lines, written = [begin], list[int](), list[bytes]()
-        while len(lines) < self.most - self.count and (match := _USUAL.match(text, ends[-1])):
+        while len(lines) < self.most - len(self.numbers) and (match := _USUAL.match(text, ends[-1])):
             lines.append(line + text.count(b"\n", ends[-1], match.start(1)))
             line += text.count(b"\n", *match.span())
             ends.append(match.end())
             written += match.groups()
         values = np.array(list(map(float, written))).reshape(-1, _COLUMNS)
-        zero_or_more, any_number = NOT_NEGATIVE.admits(values), ANY.admits(values)
-        # A number that reads as 0 but is not written so may have underflowed.
-        plain = [value != 0 or not number.strip(b"+-0.") for value, number in zip(values.flat, written, strict=True)]
-        radius, color, shares = values[:, 0], values[:, 4:7], values[:, 11:13].sum(axis=1)
-        usual = any_number.all(axis=1) & zero_or_more[:, 4:13].all(axis=1) & (color < 16).all(axis=1) & (shares <= 1)
-        usual &= np.reshape(plain, values.shape).all(axis=1) & (radius >= 1 / MAX_SIZE) & (radius <= MAX_SIZE)
-        usual &= (values[:, 12] == 0) | (values[:, 13] > 0)
+        radius, (reflected, passing, index) = values[:, 0], values[:, 11:14].T
+        usual = (radius >= 1 / MAX_SIZE) & (radius <= MAX_SIZE) & (values[:, 4:7] <= 1).all(axis=1)
+        usual &= (reflected + passing <= 1) & ((passing == 0) | (index > 0))
         n = len(usual) if usual.all() else int(np.argmin(usual))
-        self.count += n
         values = values[:n]
         self._rows.frombytes(np.column_stack([values[:, 1:4], radius[:n], np.full(n, -1.0)]).tobytes())
         return ends[n], lines[:n], np.column_stack([values[:, 4:], np.full(n, -1.0)])
