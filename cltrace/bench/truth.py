@@ -127,7 +127,7 @@ def white(scene: Scene, first: int = 0) -> Scene:
     material["color"], material["kd"], material["texture"] = 1, 1, -1
     spheres, cylinders = scene.spheres.copy(), scene.cylinders.copy()
     spheres["material"] = cylinders["material"] = 0
-    meshes = tuple(mesh.of(0, mesh.number) for mesh in scene.meshes)
+    meshes = tuple(mesh.changed(material=0) for mesh in scene.meshes)
     return replace(
         scene, lights=lights, spheres=spheres, cylinders=cylinders, materials=material, background=(0.0, 0.0, 0.0),
         meshes=meshes, textures=(),

@@ -155,7 +155,7 @@ class _SceneReader(ElementReader):
             output_file=output_file,
             textures=files.textures.found.values(),
             **surfaces,
-        ).read_from(source)
+        ).changed(source=source)
         ignored = [located(self.path, w.line, w.message) for w in self.warnings.in_order()]
         return scene, [*ignored, *self._meshes.notes()]
 

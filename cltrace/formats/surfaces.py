@@ -303,7 +303,7 @@ class MeshReader(ShapeReader):
                 yield located(files.shown(name), warning.line, warning.message)
 
     def fields(self, materials: Indices) -> dict[str, Any]:
-        return {"meshes": [mesh.of(int(k), mesh.number) for mesh, k in zip(self._placed, materials, strict=True)]}
+        return {"meshes": [mesh.changed(material=k) for mesh, k in zip(self._placed, materials.tolist(), strict=True)]}
 
 
 def unique_rows(rows: Numbers) -> tuple[Numbers, Indices]:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from cltrace.base.limits import MAX_LIGHTS, hint
 from cltrace.scene.camera import reaches_if_any
 from cltrace.scene.colors import color_numbers
-from cltrace.scene.rules import ANY, CONE, NOT_NEGATIVE, check_not_bytes, checked, described, is_whole, numbers
+from cltrace.scene.rules import ANY, CONE, NOT_NEGATIVE, check_not_bytes, check_rule, described, is_whole, numbers
 
 if TYPE_CHECKING:
     from cltrace.scene.scene import Scene
@@ -97,7 +97,7 @@ def sky_light(
     """
     if up is None and below is not None:
         raise ValueError("light.below: goes with up, which is not given")
-    down = -_three("up", (0, 1, 0) if up is None else up)
+    down = -_shaped("up", (0, 1, 0) if up is None else up, (3,))
     alpha2 = 90 if up is not None and below is None else 180
     low = color if below is None else below
     return _light(SKY, color, direction=down, alpha2=alpha2, below=low, directions=directions)
@@ -147,14 +147,14 @@ def panel_light(
     Raises ValueError if an argument is not 3 numbers, or points is not such a number; edges along one line are refused
     by the Scene.
     """
-    edges = [_three("across", across), _three("along", along)]
+    edges = [_shaped("across", across, (3,)), _shaped("along", along, (3,))]
     return _light(PANEL, color, position=position, edges=edges, points=points)
 
 
-def _three(name: str, value: ArrayLike) -> NDArray[np.float64]:
+def _shaped(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
     array = numbers(f"light.{name}", value)
-    if array.shape != (3,):
-        raise ValueError(f"light.{name}: must be 3 numbers, got {described(value)}")
+    if array.shape != shape:
+        raise ValueError(f"light.{name}: must be {'3 numbers' if shape else 'one number'}, got {described(value)}")
     return array
 
 
@@ -176,11 +176,7 @@ def _light(kind: int, color: ArrayLike, **given: ArrayLike) -> NDArray[np.void]:
     light = np.zeros(1, LIGHT)
     light["kind"] = kind
     for name, value in given.items():
-        array = numbers(f"light.{name}", value)
-        if array.shape != LIGHT[name].shape:
-            wanted = "3 numbers" if LIGHT[name].shape else "one number"
-            raise ValueError(f"light.{name}: must be {wanted}, got {described(value)}")
-        light[name] = array
+        light[name] = _shaped(name, value, LIGHT[name].shape)
     for name in ("color", "below"):
         if name in given:
             check_not_bytes(f"light.{name}", given[name])
@@ -209,12 +205,9 @@ def check_lights(lights: NDArray[np.void]) -> None:
     if count > MAX_LIGHTS:
         members = " with all members of soft lights" if soft.any() else ""
         raise ValueError(f"lights: must be at most {MAX_LIGHTS}{members}, got {count}{hint('lights')}")
-    vectors = (("color", NOT_NEGATIVE), ("position", ANY), ("direction", ANY), ("below", NOT_NEGATIVE))
-    for name, rule in vectors:
-        checked(f"lights.{name}", rule, lights[name], (-1, 3))
-    for name, rule in (("alpha1", CONE), ("alpha2", CONE), ("radius", NOT_NEGATIVE)):
-        checked(f"lights.{name}", rule, lights[name], (-1,))
-    checked("lights.edges", ANY, lights["edges"], (-1, 2, 3))
+    rules = {"color": NOT_NEGATIVE, "below": NOT_NEGATIVE, "alpha1": CONE, "alpha2": CONE, "radius": NOT_NEGATIVE}
+    for name, rule in (rules | dict.fromkeys(("position", "direction", "edges"), ANY)).items():
+        check_rule(f"lights.{name}", rule, lights[name])
     for i, light in enumerate(lights):
         _check_light(i, light)
 
@@ -275,11 +268,6 @@ def lamps_of(lights: NDArray[np.void]) -> tuple[NDArray[np.void], NDArray[np.int
     return np.concatenate(members), np.repeat(np.arange(len(lights)), [len(some) for some in members])
 
 
-def _turns(n: int) -> Array:
-    """(n,): the angles of a Fibonacci lattice about its axis, radians."""
-    return np.asarray(2 * np.pi * np.mod(np.arange(n) / GOLDEN, 1.0))
-
-
 def middles(n: int) -> Array:
     """(n,): the middles of n equal parts of 0..1."""
     return np.asarray((np.arange(n) + 0.5) / n)
@@ -297,7 +285,7 @@ def axes_about(axis: Array) -> Array:
 def cap(axis: Array, angle: float, n: int) -> Array:
     """(n, 3): unit vectors, evenly spread over those that are at most `angle` degrees off an axis."""
     height = 1 - (1 - math.cos(math.radians(angle))) * middles(n)
-    return _on_circles(np.sqrt((1 - height) * (1 + height)), height, n) @ axes_about(axis)
+    return _on_sphere(height) @ axes_about(axis)
 
 
 def ball(n: int) -> Array:
@@ -313,13 +301,13 @@ def ball(n: int) -> Array:
         middle = (low + high) / 2
         below = (2 * middle - np.sin(2 * middle)) / np.pi < share
         low, high = np.where(below, middle, low), np.where(below, high, middle)
-    height = 1 - 2 * middles(n)
-    return np.asarray(np.sin(high)[:, None] * _on_circles(np.sqrt((1 - height) * (1 + height)), height, n))
+    return np.asarray(np.sin(high)[:, None] * _on_sphere(1 - 2 * middles(n)))
 
 
-def _on_circles(radius: Array, height: Array, n: int) -> Array:
-    """(n, 3): points on circles about the third axis, each at the next of _turns()."""
-    return np.stack([radius * np.cos(_turns(n)), radius * np.sin(_turns(n)), height], axis=1)
+def _on_sphere(height: Array) -> Array:
+    """(n, 3): points of the unit sphere at (n,) heights along the third axis, each at the next angle of the lattice."""
+    radius, angle = np.sqrt((1 - height) * (1 + height)), 2 * np.pi * np.mod(np.arange(len(height)) / GOLDEN, 1.0)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
 
 
 def _some(light: np.void, kind: int, **columns: Array) -> NDArray[np.void]:
@@ -354,12 +342,7 @@ def _of_panel(light: np.void) -> NDArray[np.void]:
 
 
 # By the kinds of soft lights.
-MEMBERS: dict[int, Callable[[np.void], NDArray[np.void]]] = {
-    SKY: _of_cap,
-    SUN: _of_cap,
-    BALL: _of_ball,
-    PANEL: _of_panel,
-}
+MEMBERS = {SKY: _of_cap, SUN: _of_cap, BALL: _of_ball, PANEL: _of_panel}
 
 
 # Lights by name: settings that look right at once, placed about a scene as its camera sees it. They are made for the
@@ -422,12 +405,8 @@ def _rim(at: SceneFrame) -> LightList:
 SETTINGS: dict[str, Callable[[SceneFrame], LightList]] = {"studio": _studio, "flat": _flat, "sky": _sky, "rim": _rim}
 
 
-def check_setting(name: str) -> None:
-    """Raises ValueError if no setting has this name."""
+def setting(name: str, scene: Scene) -> LightList:
+    """The lights of a setting for a scene. Raises ValueError if no setting has this name."""
     if name not in SETTINGS:
         raise ValueError(f"lights: must be one of {', '.join(SETTINGS)}, or a list of lights, got {name!r}")
-
-
-def setting(name: str, scene: Scene) -> LightList:
-    """The lights of a setting for a scene."""
     return SETTINGS[name](SceneFrame(scene))

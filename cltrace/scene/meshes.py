@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cltrace.base.arithmetic import add_quickly, inverses, two_product, whole_inverse
+from cltrace.base.arithmetic import add_quickly, cross, dot, inverses, two_product, whole_inverse
 from cltrace.base.arrays import blockwise
 from cltrace.base.limits import MAX_MESHES, MAX_TRIANGLES, MAX_VERTICES
 from cltrace.scene.colors import Transfer
@@ -60,21 +60,14 @@ class Geometry(Frozen):
     ) -> None:
         points = _rows("mesh.vertices", vertices, 3)
         corners = _indices("mesh.faces", faces, len(points), "a vertex")
-        if len(points) > MAX_VERTICES or len(corners) > MAX_TRIANGLES:
-            name = "vertices" if len(points) > MAX_VERTICES else "faces"
-            raise ValueError(f"mesh.{name}: must be at most {MAX_VERTICES}, got {max(len(points), len(corners))}")
+        for name, rows, most in (("vertices", points, MAX_VERTICES), ("faces", corners, MAX_TRIANGLES)):
+            if len(rows) > most:
+                raise ValueError(f"mesh.{name}: must be at most {most}, got {len(rows)}")
         directions, places = _rows("mesh.normals", normals, 3), _rows("mesh.uv", uv, 2)
-        state = {
-            "vertices": points,
-            "faces": corners,
-            "normals": directions,
-            "normal_of": _of_corners(
-                "mesh.normal_of", normal_of, faces=len(corners), count=len(directions), what="a normal"
-            ),
-            "uv": places,
-            "uv_of": _of_corners("mesh.uv_of", uv_of, faces=len(corners), count=len(places), what="uv"),
-        }
-        self.__setstate__(state)
+        direction_of = _of_corners("mesh.normal_of", normal_of, len(corners), len(directions), "a normal")
+        place_of = _of_corners("mesh.uv_of", uv_of, len(corners), len(places), "uv")
+        state = {"vertices": points, "faces": corners, "normals": directions, "normal_of": direction_of}
+        self.__setstate__(state | {"uv": places, "uv_of": place_of})
 
     @functools.cached_property
     def closed(self) -> bool:
@@ -123,8 +116,8 @@ class PlacedMesh(Frozen):
         place = checked("mesh.to_world", ANY, to_world, (3, 4))
         for fault in place_faults(place):
             raise ValueError(f"mesh.to_world: {fault}")
-        self.__setstate__({"geometry": geometry, "to_world": place, "material": int(material), "number": int(number)})
-        self.__setstate__({"clipped": bool(clipped)})
+        state = {"geometry": geometry, "to_world": place, "material": int(material), "number": int(number)}
+        self.__setstate__(state | {"clipped": bool(clipped)})
         if self.vertices is not geometry.vertices:  # which are checked
             check_rule("mesh.to_world: in the world, vertices", ANY, self.vertices)
 
@@ -163,25 +156,17 @@ class PlacedMesh(Frozen):
             given = np.flatnonzero(shape.normal_of[rows, 0] >= 0)
             corners, directions = shape.faces[rows].take(given, axis=0), shape.normal_of[rows].take(given, axis=0)
             a, b, c = (_columns(shape.vertices, which) for which in corners.T)
-            e, f = ([q - p for p, q in zip(a, other, strict=True)] for other in (b, c))
-            flat = (e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0])
             x, y, z = (_columns(shape.normals, which) for which in directions.T)
-            mean = [(p + q) + r for p, q, r in zip(x, y, z, strict=True)]
-            dot = (flat[0] * mean[0] + flat[1] * mean[1]) + flat[2] * mean[2]
-            side[rows.start + given[dot < 0]] = -outward
+            side[rows.start + given[dot(cross(b - a, c - a), (x + y) + z) < 0]] = -outward
 
         if len(shape.normals):
             blockwise(len(side), turn)
         return _read_only(side)
 
-    def of(self, material: int, number: int) -> PlacedMesh:
-        """The same with another material and number; shares the arrays."""
-        return self.changed(material=material, number=number)
-
     def moved(self, offset: NDArray[np.float64], number: int) -> PlacedMesh:
         """The same with another number, moved in the world, scene units; shares the geometry."""
         if not offset.any():
-            return self.of(self.material, number)
+            return self.changed(number=number)
         place = self.to_world.copy()
         place[:, 3] += offset
         return PlacedMesh(self.geometry, place, self.material, number, self.clipped)
@@ -494,12 +479,13 @@ class Meshes(NumberedSurfaces):
         return np.array([mesh.material for mesh in self.meshes], np.int64)
 
     def with_materials(self, materials: Ids) -> Meshes:
-        return Meshes(tuple(mesh.of(k, mesh.number) for mesh, k in zip(self.meshes, materials.tolist(), strict=True)))
+        pairs = zip(self.meshes, materials.tolist(), strict=True)
+        return Meshes(tuple(mesh.changed(material=material) for mesh, material in pairs))
 
     def beside(self, spheres: int, was: int) -> Meshes:
         if any(mesh.number < was for mesh in self.meshes):
             raise ValueError(f"centers: must be {was}, as there are meshes between the spheres, got {spheres}")
-        return Meshes(tuple(mesh.of(mesh.material, mesh.number + spheres - was) for mesh in self.meshes))
+        return Meshes(tuple(mesh.changed(number=mesh.number + spheres - was) for mesh in self.meshes))
 
     def moved(self, moves: Floats, first: int, spheres: int) -> Meshes:
         found = tuple(mesh.moved(move, first + i) for i, (move, mesh) in enumerate(product(moves, self.meshes)))

@@ -23,7 +23,7 @@ from cltrace.scene.clipping import Planes, clipped
 from cltrace.scene.colormaps import Scale, colors_given
 from cltrace.scene.colors import Transfer, background_of, check_transfer, decoded
 from cltrace.scene.cylinders import Bonds, Cylinders, bonds_of, cylinders_of
-from cltrace.scene.lights import check_lights, check_setting, joined, lamps_of, setting
+from cltrace.scene.lights import check_lights, joined, lamps_of, setting
 from cltrace.scene.materials import (
     COEFFICIENTS,
     MATERIAL,
@@ -43,7 +43,6 @@ from cltrace.scene.spheres import (
     Columns,
     Spheres,
     check_spheres,
-    checked_maps,
     column,
     points,
     shades,
@@ -156,7 +155,7 @@ class Scene(Frozen):
     ) -> None:
         _check_camera(camera, "camera, lights, spheres, materials")
         balls, shades = records_of("spheres", spheres, SPHERE), records_of("materials", materials, MATERIAL)
-        maps, images = checked_maps(to_object), checked_textures(textures)
+        maps, images = checked("to_object", ANY, to_object, (-1, 3, 3)), checked_textures(textures)
         check_spheres(balls, len(shades), maps)
         check_materials(shades, len(images))
         check_transfer(transfer)
@@ -195,29 +194,20 @@ class Scene(Frozen):
         Raises what from_spheres() raises.
         """
         if isinstance(lights, str):
-            check_setting(lights)
             lights = setting(lights, self)
         found = joined(lights)
         check_lights(found)
         return self.with_fields(lights=found)
 
-    @property
+    @functools.cached_property
     def lamps(self) -> NDArray[np.void]:
         """(m,): the lights, each soft one as its members."""
-        return self._lamps[0]
+        return lamps_of(self.lights)[0]
 
     @property
     def lamp_of(self) -> NDArray[np.intp]:
         """(m,): the index in `lights` of the light that each of `lamps` is or belongs to."""
-        return self._lamps[1]
-
-    @functools.cached_property
-    def _lamps(self) -> tuple[NDArray[np.void], NDArray[np.intp]]:
-        return lamps_of(self.lights)
-
-    def read_from(self, source: Source) -> Scene:
-        """The same scene, which knows the file that it was read from. It shares the arrays."""
-        return self.changed(source=source)
+        return lamps_of(self.lights)[1]
 
     def with_fields(self, **changes: object) -> Scene:
         """The same scene with other fields, which are taken as they are. `columns` is that of spheres and materials."""
@@ -267,11 +257,6 @@ class Scene(Frozen):
         """The same scene where what follows the spheres is where these are now."""
         first = sum(map(len, self.shapes[:-1]))
         return self.with_fields(**fields_of(shape.following(self.columns, first) for shape in self.others))
-
-    @property
-    def mixed(self) -> bool:
-        """Whether there are surfaces beside the spheres."""
-        return any(map(len, self.others))
 
     def __getattr__(self, name: str) -> Any:
         """The records, which a scene has only if it is asked for them."""
@@ -381,7 +366,7 @@ class Scene(Frozen):
         check_texels(textures)
         more["color"] = decoded(more["color"], transfer)
         pairs = enumerate(zip(given_meshes, kinds, strict=True))
-        placed = tuple(mesh.placed.of(place[id(kind)], n + i) for i, (mesh, kind) in pairs)
+        placed = tuple(mesh.placed.changed(material=place[id(kind)], number=n + i) for i, (mesh, kind) in pairs)
         check_size(placed)
 
         columns = Columns(center, radius, material, to_object, shade=shade, count=count, rest=more, follows=ka is None)
@@ -415,14 +400,7 @@ class Scene(Frozen):
         """
         _check_camera(camera, "camera, lights, meshes")
         return cls.from_spheres(
-            camera,
-            lights,
-            (),
-            1.0,
-            meshes=meshes,
-            background=background,
-            output_file=output_file,
-            transfer=transfer,
+            camera, lights, (), 1.0, meshes=meshes, background=background, output_file=output_file, transfer=transfer
         )
 
     def with_cylinders(

@@ -27,7 +27,6 @@ from cltrace.scene.rules import (
     check_none,
     check_not_bytes,
     check_rule,
-    checked,
     numbers,
     real_numbers,
 )
@@ -47,7 +46,7 @@ MAX_DEVIATION = 2.0**-24  # of an ellipsoid's distances from its centre: depths 
 def check_spheres(spheres: NDArray[np.void], materials: int, to_object: NDArray[np.float64]) -> None:
     """Raises ValueError, which names field and index, where a SPHERE array holds what is not allowed.
 
-    materials: how many there are; to_object: (k, 3, 3), as `checked_maps` returns it.
+    materials: how many there are; to_object: (k, 3, 3), of numbers that the rules allow.
     """
     if len(spheres) > MAX_SPHERES:
         raise ValueError(f"spheres: must be at most {MAX_SPHERES}, got {len(spheres)}")
@@ -64,11 +63,6 @@ def check_spheres(spheres: NDArray[np.void], materials: int, to_object: NDArray[
     bent = np.flatnonzero(spheres["to_object"] >= 0)
     for i, fault in extent_faults(spheres["radius"][bent], reach[spheres["to_object"][bent]]):
         raise ValueError(f"spheres.radius[{bent[i]}]: {fault}")
-
-
-def checked_maps(to_object: ArrayLike) -> NDArray[np.float64]:
-    """A (k, 3, 3) array of its own, of numbers that the rules allow. Raises ValueError, which names the index."""
-    return checked("to_object", ANY, to_object, (-1, 3, 3))
 
 
 def inverse_faults(to_world: NDArray[np.float64], to_object: NDArray[np.float64]) -> Iterator[tuple[int, str]]:
@@ -113,8 +107,7 @@ def reaches(to_object: NDArray[np.float64]) -> NDArray[np.float64]:
 def row_lengths(maps: NDArray[np.float64]) -> NDArray[np.float64]:
     """The lengths of the rows of (k, 3, 3) maps, (k, 3); one beyond 1e154 may be infinite."""
     with np.errstate(over="ignore"):
-        lengths: NDArray[np.float64] = np.sqrt(np.square(maps).sum(axis=2))
-        return lengths
+        return np.asarray(np.sqrt(np.square(maps).sum(axis=2)))
 
 
 def shaped(
@@ -169,8 +162,7 @@ def deviations(to_object: NDArray[np.float64], to_world: NDArray[np.float64]) ->
     than the square root of the sum of its squares.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        error: NDArray[np.float64] = np.sqrt(np.square(_products(to_object, to_world) - np.eye(3)).sum(axis=(1, 2)))
-        return error
+        return np.asarray(np.sqrt(np.square(_products(to_object, to_world) - np.eye(3)).sum(axis=(1, 2))))
 
 
 def _products(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -62,7 +62,7 @@ class Lights:
                 for name in ("color", "below"):
                     lights[name][number] *= share
             dimmed = scene.lit_by(lights)
-            self._last = scene, strengths, dimmed.read_from(scene.source) if scene.source else dimmed
+            self._last = scene, strengths, dimmed.changed(source=scene.source)
         return self._last[2]
 
     def listed(self, scene: Scene) -> tuple[tuple[str, float], ...]:

@@ -240,7 +240,7 @@ class SpherePacking(ShapePacking):
             known = before[1]
             if known.center is center and known.radius is radius:
                 return known
-        number = scene.sphere_numbers.take(row) if scene.mixed else row
+        number = scene.sphere_numbers.take(row) if any(map(len, scene.others)) else row
         shape = columns.to_object.take(row) if columns.to_object.ndim else columns.to_object
         again = np.zeros(len(row), bool)  # of equal ones each may count, as planes may clip them
         if not len(scene.planes):
