@@ -47,22 +47,19 @@ class Triple(Protocol[T_co]):
     def __getitem__(self, index: int, /) -> T_co: ...
 
 
-def dot(u: Triple[T], v: Triple[T]) -> T:
-    a: Any = u
-    product: T = a[0] * v[0] + a[1] * v[1] + a[2] * v[2]
+def dot(u: Any, v: Triple[T]) -> T:
+    product: T = u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
     return product
 
 
-def cross(u: Triple[T], v: Triple[T]) -> tuple[T, T, T]:
+def cross(u: Any, v: Triple[T]) -> tuple[T, T, T]:
     """Indices that go round need no signs."""
-    a: Any = u
-    x, y, z = (a[i - 2] * v[i - 1] - a[i - 1] * v[i - 2] for i in range(3))
+    x, y, z = (u[i - 2] * v[i - 1] - u[i - 1] * v[i - 2] for i in range(3))
     return x, y, z
 
 
-def minus(u: Triple[T], v: Triple[T]) -> tuple[T, T, T]:
-    a: Any = u
-    return a[0] - v[0], a[1] - v[1], a[2] - v[2]
+def minus(u: Any, v: Triple[T]) -> tuple[T, T, T]:
+    return u[0] - v[0], u[1] - v[1], u[2] - v[2]
 
 
 def product(rows: Triple[Triple[T]], v: Triple[T]) -> tuple[T, T, T]:
@@ -201,11 +198,9 @@ _FEW, _BLOCK = 64, 4096
 
 def adjugate(m: Sequence[Sequence[Q]]) -> tuple[Rows[Q], Q]:
     """The adjugate of a matrix and its determinant, by which it is to be divided to give the inverse; 0 for none."""
-    # Indices that go round need no signs.
-    rows: Any = tuple(
-        tuple(m[j - 2][i - 2] * m[j - 1][i - 1] - m[j - 2][i - 1] * m[j - 1][i - 2] for j in range(3)) for i in range(3)
-    )
-    return rows, m[0][0] * rows[0][0] + m[0][1] * rows[1][0] + m[0][2] * rows[2][0]
+    columns = [cross(m[i - 2], m[i - 1]) for i in range(3)]
+    rows: Any = tuple(zip(*columns, strict=True))
+    return rows, dot(m[0], columns[0])
 
 
 def whole_inverse(rows: list[list[float]]) -> tuple[list[list[int]], int]:

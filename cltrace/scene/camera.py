@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cltrace.base.arithmetic import Floats, cross, minus
 from cltrace.base.limits import MAX_BOUNCES, MAX_PIXELS, MAX_SIDE
 from cltrace.scene.rules import FOV, FULL_FOV, NOT_NEGATIVE, POSITIVE, Vector, checked, described, is_whole, vector
 
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from cltrace.scene.scene import Scene
 
 Axis = Literal["x", "y"]
-Floats = NDArray[np.float64]
 # Where the camera is, as seen from the scene.
 VIEWS: dict[str, Vector] = {
     "front": (0.0, 0.0, 1.0),
@@ -48,7 +48,7 @@ class Pose:
         """
         eye, at = self.position, self.lookat
         try:
-            z = _unit((eye[0] - at[0], eye[1] - at[1], eye[2] - at[2]))
+            z = _unit(minus(eye, at))
         except ZeroDivisionError:
             raise ValueError("camera.lookat: must differ from position") from None
         try:
@@ -56,7 +56,7 @@ class Pose:
         except ZeroDivisionError:
             raise ValueError("camera.up: must not be 0") from None
         # The sine of the angle between up and the view is |up x z|. Both are rounded: below a few ulp it is noise.
-        x = _cross(up, z)
+        x = cross(up, z)
         if math.hypot(*x) <= 2.0**-50:
             raise ValueError("camera.up: must not be parallel to the view")
         x = _unit(x)
@@ -65,7 +65,7 @@ class Pose:
         # enough").
         along = _dot(x, z)
         x = _unit((x[0] - along * z[0], x[1] - along * z[1], x[2] - along * z[2]))
-        return _on_grid(x), _on_grid(_unit(_cross(z, x))), _on_grid(z)
+        return _on_grid(x), _on_grid(_unit(cross(z, x))), _on_grid(z)
 
     def _set(
         self,
@@ -322,10 +322,6 @@ def check_resolution(resolution: Sequence[int] | NDArray[np.integer[Any]]) -> tu
 
 def _dot(a: Vector, b: Vector) -> float:
     return math.fsum((a[0] * b[0], a[1] * b[1], a[2] * b[2]))
-
-
-def _cross(a: Vector, b: Vector) -> Vector:
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 def _unit(v: Vector) -> Vector:

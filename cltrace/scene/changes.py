@@ -48,8 +48,7 @@ def with_spheres(scene: Scene, given: Mapping[str, ArrayLike]) -> Scene:
         columns = replace(columns, radius=column("radii", POSITIVE, given["radii"], (n,)))
     if columns.to_object.ndim and ("radii" in given):
         _check_extents(columns, scene.to_object)
-    names = {ARGUMENTS[name]: name for name in ARGUMENTS}
-    shade = shades({names[argument]: value for argument, value in given.items() if argument in names}, n)
+    shade = shades({name: given[argument] for name, argument in ARGUMENTS.items() if argument in given}, n)
     if "color" in shade:
         shade["color"] = decoded(shade["color"], scene.transfer)
     made = scene.with_fields(columns=columns, **fields_of(others), **{"scale": scale} if scale else {})

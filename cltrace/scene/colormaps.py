@@ -21,7 +21,6 @@ from cltrace.scene.rules import ANY, check_rule, checked, described, numbers
 
 # A map for the shares 0..1 of (n,) float64: (n, 3) or (n, 4), uint8 or float with 1 as full.
 Map = Callable[[NDArray[np.float64]], NDArray[Any]]
-DEFAULT_MAP = "viridis"
 
 
 @dataclass(frozen=True)
@@ -123,8 +122,18 @@ class Lost:
         raise ValueError(f"{self.name}: must be given again, as the scene's is a function that could not be pickled")
 
 
-def values_given(values: ArrayLike) -> NDArray[np.float64]:
-    """(n,) values to be shown as colours. Raises ValueError for others, with advice where one is nan."""
+def values_given(colors: ArrayLike | None, values: ArrayLike | None, **options: Any) -> NDArray[np.float64] | None:
+    """(n,) values to be shown as colours; None if there are none. Raises ValueError, with advice where one is nan.
+
+    colors: what may be given instead; options: cmap, clim and norm, which go with values alone.
+    """
+    if values is None:
+        for name, option in options.items():
+            if option is not None:
+                raise ValueError(f"{name}: goes with values, which are not given")
+        return None
+    if colors is not None:
+        raise ValueError("values: must not be given together with colors")
     given = numbers("values", values)
     if given.ndim != 1:
         raise ValueError(f"values: must have shape (n,), got {given.shape}")
@@ -182,11 +191,10 @@ def map_of(cmap: Any) -> Map:
 
     Raises ValueError if there is no such map, and MissingPackageError if neither package is there for a name.
     """
-    if cmap is None or isinstance(cmap, str):
-        return _bytes_of(_named(DEFAULT_MAP if cmap is None else cmap))
-    if callable(cmap):
-        return _bytes_of(cmap)
-    table = np.asarray(cmap)
+    found = _resolved(cmap)
+    if callable(found):
+        return _bytes_of(found)
+    table = np.asarray(found)
     if table.ndim != 2 or table.shape[1] not in (3, 4) or not len(table) or table.dtype.kind not in "uf":
         raise ValueError(
             "cmap: must be a name, a callable, or an array (k, 3) or (k, 4) of uint8 or floats, "
@@ -197,8 +205,13 @@ def map_of(cmap: Any) -> Map:
 
 def count_of(cmap: Any) -> int:
     """Of how many colours a map consists, 256 where it does not say. cmap: as of map_of()."""
-    found = _named(DEFAULT_MAP if cmap is None else cmap) if cmap is None or isinstance(cmap, str) else cmap
+    found = _resolved(cmap)
     return int(getattr(found, "N", 256)) if callable(found) else len(found)
+
+
+def _resolved(cmap: Any) -> Any:
+    """The callable or the table that a user means."""
+    return _named("viridis" if cmap is None else cmap) if cmap is None or isinstance(cmap, str) else cmap
 
 
 def _bytes_of(cmap: Any) -> Map:
@@ -232,23 +245,17 @@ def _named(name: str) -> Any:
 
 
 def colors_given(
-    n: int, colors: ArrayLike | None, before: Scale | None = None, **shown: Any
+    n: int, colors: ArrayLike | None, values: ArrayLike | None, before: Scale | None = None, **options: Any
 ) -> tuple[ArrayLike | None, Scale | None]:
     """The colours of n spheres that have either colors or values, None if neither, and how values become colours.
 
-    before: how earlier values did, which later ones do, too, but for what is given; shown: values, cmap, clim, norm.
+    before: how earlier values did, which later ones do, too, but for what is given; options: cmap, clim, norm.
     Raises ValueError.
     """
-    values = shown.pop("values", None)
-    if values is None:
-        for name, given in shown.items():
-            if given is not None:
-                raise ValueError(f"{name}: goes with values, which are not given")
+    array = values_given(colors, values, **options)
+    if array is None:
         return colors, before
-    if colors is not None:
-        raise ValueError("values: must not be given together with colors")
-    array = values_given(values)
     if len(array) != n:
         raise ValueError(f"values: must have shape {(n,)}, got {array.shape}")
-    scale = Scale.of(array, before=before, **shown)
+    scale = Scale.of(array, before=before, **options)
     return scale.colors(array), scale

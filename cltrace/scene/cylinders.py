@@ -66,10 +66,7 @@ class Bonds(Frozen):
     @classmethod
     def of(cls, pairs: ArrayLike, radius: ArrayLike | None, box: ArrayLike | None, spheres: int) -> Bonds:
         """Checked. spheres: how many there are. Raises ValueError, which names the argument and the index."""
-        given = numbers("bonds", pairs)
-        given = given.reshape(0, 2) if given.shape == (0,) else given
-        if given.ndim != 2 or given.shape[1] != 2:
-            raise ValueError(f"bonds: must have shape (k, 2), got {given.shape}")
+        given = checked("bonds", ANY, pairs, (-1, 2))
         if len(given) > MAX_CYLINDERS // 2:
             raise ValueError(f"bonds: must be at most {MAX_CYLINDERS // 2}, got {len(given)}")
         bad = np.argwhere(~((given >= 0) & (given < spheres) & (given == np.floor(given))))
@@ -118,7 +115,7 @@ class Bonds(Frozen):
         # Across the boundary, the second half leads to where the first one's other end is seen from there.
         out["end"][across, 1] = (b / 2 + (a - shift) / 2)[across]
         out["start"][:, 1], out["end"][:, 1] = out["end"][:, 1].copy(), out["start"][:, 1].copy()
-        _check_length("bonds", *(out[name].reshape(-1, 3).reshape(len(a), 6) for name in ("start", "end")))
+        _check_length("bonds", *(out[name].reshape(len(a), 6) for name in ("start", "end")))
         return np.asarray(out[np.stack([np.ones(len(a), bool), split], axis=1)])
 
     def repeated(self, times: int, spheres: int) -> Bonds:
@@ -141,7 +138,14 @@ class Cylinders(NumberedSurfaces):
     def checked(cls, given: Mapping[str, Any], materials: int, spheres: int) -> Cylinders:
         cylinders, bonds = given["cylinders"], given["bonds"]
         rods = cls().cylinders if cylinders is None else records_of("cylinders", cylinders, CYLINDER)
-        _check(rods, materials)
+        if len(rods) > MAX_CYLINDERS:
+            raise ValueError(f"cylinders: must be at most {MAX_CYLINDERS}, got {len(rods)}")
+        for name, rule in (("start", ANY), ("end", ANY), ("radius", POSITIVE)):
+            check_rule(f"cylinders.{name}", rule, rods[name])
+        _check_length("cylinders.end", rods["start"], rods["end"])
+        of = rods["material"]
+        check_none("cylinders.material", (of < 0) | (of >= materials), "the index of a material", of)
+        check_none("cylinders.number", rods["number"] < 0, "at least 0", rods["number"])
         if bonds is not None and bonds.pairs.max(initial=-1) >= spheres:
             raise ValueError(f"bonds: must be between {spheres} spheres")
         return cls(rods, bonds)
@@ -221,21 +225,6 @@ class Cylinders(NumberedSurfaces):
             return np.asarray(most.max(axis=0))
 
         return blockwise(len(self.cylinders), ends) if len(self.cylinders) else []
-
-
-def _check(cylinders: NDArray[np.void], materials: int) -> None:
-    """Raises ValueError, which names field and index, where a CYLINDER array holds what is not allowed.
-
-    materials: how many there are.
-    """
-    if len(cylinders) > MAX_CYLINDERS:
-        raise ValueError(f"cylinders: must be at most {MAX_CYLINDERS}, got {len(cylinders)}")
-    for name, rule in (("start", ANY), ("end", ANY), ("radius", POSITIVE)):
-        check_rule(f"cylinders.{name}", rule, cylinders[name])
-    _check_length("cylinders.end", cylinders["start"], cylinders["end"])
-    of = cylinders["material"]
-    check_none("cylinders.material", (of < 0) | (of >= materials), "the index of a material", of)
-    check_none("cylinders.number", cylinders["number"] < 0, "at least 0", cylinders["number"])
 
 
 def _check_length(name: str, starts: Floats, ends: Floats) -> None:
@@ -342,21 +331,16 @@ def box_edges(box: ArrayLike, origin: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[Floa
     units. Raises ValueError, which names the argument.
     """
     edges, corner = box_of(box), np.array(vector("origin", origin))
-    starts, ends = [], []
-    for k in range(3):
-        for i in (0, 1):
-            for j in (0, 1):
-                start = corner + i * edges[(k + 1) % 3] + j * edges[(k + 2) % 3]
-                starts.append(start)
-                ends.append(start + edges[k])
-    return np.array(starts), np.array(ends)
+    places = itertools.product(range(3), (0, 1), (0, 1))  # of each edge, those of its start along the two others
+    starts = np.array([corner + i * edges[k - 2] + j * edges[k - 1] for k, i, j in places])
+    return starts, starts + np.repeat(edges, 4, axis=0)
 
 
 def box_corners(box: ArrayLike, origin: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
     """The corners, (8, 3), of a box, where spheres make the ends of its edges round. The arguments are those of
     box_edges()."""
     edges, corner = box_of(box), np.array(vector("origin", origin))
-    return corner + np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)]) @ edges
+    return corner + np.array(list(itertools.product((0, 1), repeat=3))) @ edges
 
 
 def box_images(box: ArrayLike, counts: ArrayLike) -> Floats:

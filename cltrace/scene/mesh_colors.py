@@ -43,18 +43,12 @@ class MeshColors(Frozen):
 
         Raises ValueError, which names the argument.
         """
-        values = shown.pop("values", None)
-        if values is None:
-            for name, given in shown.items():
-                if given is not None:
-                    raise ValueError(f"mesh.{name}: goes with values, which are not given")
-            return None if colors is None else cls._of_colors(faces, vertices, colors)
-        if colors is not None:
-            raise ValueError("mesh.values: must not be given together with colors")
         try:
-            array = values_given(values)
+            array = values_given(colors, **shown)
+            if array is None:
+                return None if colors is None else cls._of_colors(faces, vertices, colors)
             of_corner = _corners("values", array, faces, vertices)
-            scale = Scale.of(array, **shown)
+            scale = Scale.of(array, shown["cmap"], shown["clim"], shown["norm"])
             colormap = map_of(scale.cmap)
             n = count_of(scale.cmap) * math.ceil(STRIP / count_of(scale.cmap))
             strip = np.rint(mapped(colormap, (np.arange(n) + 0.5) / n) * 65535).astype(np.uint16)
@@ -66,8 +60,10 @@ class MeshColors(Frozen):
 
     @classmethod
     def _of_colors(cls, faces: NDArray[np.int32], vertices: int, colors: ArrayLike) -> MeshColors:
-        array = checked("mesh.colors", SHARE, _shares("mesh.colors", colors), (-1, 3)).astype(np.float32)
-        corners = array[_corners("mesh.colors", array, faces, vertices)]
+        given = color_numbers("colors", colors)
+        check_not_bytes("colors", given, reflected=True)
+        array = checked("colors", SHARE, given, (-1, 3)).astype(np.float32)
+        corners = array[_corners("colors", array, faces, vertices)]
         high, wide = _blocks(len(faces))
         row, column = np.divmod(np.arange(len(faces)), wide)
         first = np.stack([column / wide, row / high], axis=1)
@@ -85,7 +81,7 @@ class MeshColors(Frozen):
         pixels = np.zeros((high * wide, 2, 2, 3), np.int16)
         for place, color in (((0, 0), a), ((0, 1), b), ((1, 0), c), ((1, 1), b + c - a)):
             pixels[(slice(len(a)), *place)] = color
-        image = np.ascontiguousarray(pixels.reshape(high, wide, 2, 2, 3).swapaxes(1, 2)).reshape(2 * high, 2 * wide, 3)
+        image = pixels.reshape(high, wide, 2, 2, 3).swapaxes(1, 2).reshape(2 * high, 2 * wide, 3)
         found = image.copy()  # which owns its memory
         found.flags.writeable = False
         return found
@@ -95,12 +91,6 @@ def _blocks(faces: int) -> tuple[int, int]:
     """In how many rows of how many blocks so many triangles have room. Places are exact where it is a power of two."""
     wide = 2 ** math.ceil(math.log2(max(1, faces)) / 2)
     return max(1, math.ceil(faces / wide)), wide
-
-
-def _shares(name: str, colors: ArrayLike) -> Any:
-    found = color_numbers(name, colors)
-    check_not_bytes(name, found, reflected=True)
-    return found
 
 
 def _corners(name: str, given: NDArray[Any], faces: NDArray[np.int32], vertices: int) -> NDArray[np.int32]:

@@ -24,16 +24,13 @@ class Found:
     named: Mapping[str, Any] = field(default_factory=dict)
     of_cells: Mapping[str, Any] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        if not len(self.faces):
+            raise ValueError("mesh: must have triangles, and has none; for points there is Scene.from_spheres")
+
     @classmethod
     def of(cls, thing: Any) -> Found:
         """Raises TypeError if this is none of what `Mesh.of` knows, and ValueError if there is no triangle in it."""
-        found = cls._of(thing)
-        if not len(found.faces):
-            raise ValueError("mesh: must have triangles, and has none; for points there is Scene.from_spheres")
-        return found
-
-    @classmethod
-    def _of(cls, thing: Any) -> Found:
         if hasattr(thing, "geometry") and hasattr(thing, "to_mesh"):  # a Scene of trimesh: all of it as one
             parts = thing.dump() if hasattr(thing, "dump") else []
             kinds = {_kind_of(part) for part in parts}

@@ -222,7 +222,7 @@ _SHORT = _Short()
 _DEEPEST = 8  # no argument is a sequence within a sequence so many times; a list may contain itself
 
 
-def _refuse_strangers(name: str, value: object, depth: int = 0) -> None:
+def _refuse_strangers(name: str, value: Any, depth: int = 0) -> None:
     """Raises ValueError where anything in a value, at any depth of its sequences, is not a real number."""
     if is_masked(value):
         raise ValueError(f"{name}: must not be masked; use its filled() or compressed()")
@@ -235,13 +235,9 @@ def _refuse_strangers(name: str, value: object, depth: int = 0) -> None:
                 _refuse_strangers(name, element, depth + 1)
     elif not isinstance(value, (int, float, np.integer, np.floating)) or isinstance(value, (bool, np.timedelta64)):
         if hasattr(value, "__array__") and not isinstance(value, np.generic):  # such as a column of a table
-            _refuse_strangers(name, _array_of(value), depth)
+            _refuse_strangers(name, np.asarray(value), depth)
         else:
             raise ValueError(f"{name}: must be numbers, got {described(value)}{' among them' if depth else ''}")
-
-
-def _array_of(value: Any) -> NDArray[Any]:
-    return np.asarray(value)
 
 
 def _shape_text(shape: tuple[int, ...]) -> str:

@@ -32,7 +32,7 @@ def unlit(n: int, **given: Any) -> cltrace.Scene:
 
 
 def colors_of(values: Any, *how: Any) -> np.ndarray:
-    given = maps.values_given(values)
+    given = np.array(values, float)
     return maps.Scale.of(given, *how).colors(given)
 
 

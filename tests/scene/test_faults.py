@@ -225,7 +225,7 @@ FAULTS: list[tuple[Call, str]] = [
     (lambda: bonded([(1, 1)]), "bonds[0]: must be two different centers, got 1 twice"),
     (lambda: bonded([(0, 1), (1, 2), (1, 0)]), "bonds[2]: must be once, but 1 and 0 are joined by bonds[0], too"),
     (lambda: bonded([(0, 1)] * 2, box=(9, 9, 9)), "bonds[1]: must be once, but 0 and 1 are joined by bonds[0], too, o"),
-    (lambda: bonded([0, 1]), "bonds: must have shape (k, 2), got (2,)"),
+    (lambda: bonded([0, 1]), "bonds: must have shape (n, 2), got (2,)"),
     (lambda: bonded([(0, 1)], bond_radius=0), "bond_radius: must be > 0, got 0"),
     (lambda: bonded([(0, 1)], bond_colors=[RED] * 3), "bond_colors: must have shape (3,), (1, 3) or (1, 2, 3)"),
     (lambda: bonded([(0, 1)], box=(1, 2)), "box: must be 3 lengths or a (3, 3) matrix of its edges, got shape (2,)"),
