@@ -122,14 +122,10 @@ class MissingPackageError(CltraceError, ImportError):
 
     def __init__(self, what: str, package: str, extra: str) -> None:
         super().__init__(what, package, extra)
-        self.what = what
-        self.package = package
-        self.extra = extra
 
     def __str__(self) -> str:
-        return (
-            f"{self.what} needs the package {self.package}, which is not installed: pip install 'cltrace[{self.extra}]'"
-        )
+        what, package, extra = self.args
+        return f"{what} needs the package {package}, which is not installed: pip install 'cltrace[{extra}]'"
 
 
 _filters_lock = threading.RLock()  # Python's filters are those of all threads

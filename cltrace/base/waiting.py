@@ -58,13 +58,14 @@ def aside(work: Callable[[], T]) -> T:
 class _Wait:
     """A thread's work with a library.
 
-    stop: has that come back; slow: what to say where it takes long; over: whether there is to be no more of it; since:
-    when it was called last.
+    stop: has that come back; slow: what to say where it takes long; over: whether there is to be no more of it; hears:
+    whether the thread is the main one; since: when the library was called last.
     """
 
     stop: Callable[[], object]
     slow: Callable[[], str]
     over: Callable[[], bool]
+    hears: bool
     since: float = math.inf
 
 
@@ -76,22 +77,19 @@ class _Listener:
 
     def __init__(self) -> None:
         self.waits = set[_Wait]()
-        self._stop: Callable[[], object] | None = None
         self._ear, self._mouth = socket.socketpair()
         self._mouth.setblocking(False)
         self._before, self._asleep, self._told = -1, False, set[str]()
         threading.Thread(target=self._listen, daemon=True).start()
 
     @contextmanager
-    def hearing(self, stop: Callable[[], object]) -> Iterator[None]:
-        """In the main thread: `stop` is called where a signal comes."""
+    def hearing(self) -> Iterator[None]:
+        """In the main thread: what waits there is stopped where a signal comes."""
         try:
             before = signal.set_wakeup_fd(self._mouth.fileno(), warn_on_full_buffer=False)
             self._before = self._before if before == self._mouth.fileno() else before
-            self._stop = stop
             yield
         finally:
-            self._stop = None
             signal.set_wakeup_fd(self._before)
 
     def begin(self, wait: _Wait) -> None:
@@ -117,10 +115,8 @@ class _Listener:
 
     def _look(self, ending: bool) -> None:
         """Stops what is to be stopped, and tells what is slow. Afterwards this thread holds no work, nor its memory."""
-        if ending and (stop := self._stop):
-            stop()
         for wait in self.waits.copy():
-            if wait.over():
+            if wait.over() or (ending and wait.hears):
                 wait.stop()
             if time.monotonic() >= wait.since + SLOW and (words := wait.slow()) not in self._told:
                 self._told.add(words)
@@ -141,10 +137,10 @@ def interruptible(
     It gives what to call before a library is called; `slow` is what is said, once, if that then takes more than a
     second; where `over` says so, `stop` is called, too. Signals are heard in the main thread alone.
     """
-    listener, wait = _listener(), _Wait(stop, slow, over)
+    listener, wait = _listener(), _Wait(stop, slow, over, in_main_thread())
     listener.waits.add(wait)
     try:
-        with listener.hearing(stop) if in_main_thread() else nullcontext():
+        with listener.hearing() if wait.hears else nullcontext():
             yield partial(listener.begin, wait)
     finally:
         listener.waits.discard(wait)

@@ -24,14 +24,8 @@ from cltrace.formats.schema import ELEMENTS, MEANT, Element, rotations
 CHUNK = 2**17  # bytes that are parsed at once
 SPHERE_END = b"</sphere>"
 LAST_LINE = 65_535  # libxml2 keeps the line of an element in 16 bits; this one means "here or later"
-PARSER_OPTIONS: Mapping[str, Any] = {
-    "resolve_entities": False,
-    "no_network": True,
-    "load_dtd": False,
-    "huge_tree": False,
-    "remove_comments": True,
-    "remove_pis": True,
-}
+# Unless told otherwise, the parser also loads no document types, uses no network and keeps the limits of libxml2.
+PARSER_OPTIONS: Mapping[str, Any] = {"resolve_entities": False, "remove_comments": True, "remove_pis": True}
 
 
 class ElementReader(ABC):
@@ -215,9 +209,8 @@ class ElementReader(ABC):
             elif parent.tag == "transform" and element.whole:
                 parent.steps.append(element)
                 if len(parent.steps) > MAX_STEPS:
-                    raise FatalError(
-                        element.line, f"transform: must not have more than {MAX_STEPS} steps{hint('steps')}"
-                    )
+                    words = f"transform: must not have more than {MAX_STEPS} steps{hint('steps')}"
+                    raise FatalError(element.line, words)
             self.take(element, parent)
             return element.tag in parent.kind.many
         return False

@@ -133,9 +133,9 @@ class ElementKind:
 class Element:
     """An element of a file: its valid attributes and children, by their names.
 
-    line: where it begins; label: what messages call it; kind: None if it is unknown, or once too often, and so ignored;
-    whole: whether it has all that it needs; filled: the slots of the children that have been there; strays: the lines
-    of unknown children; steps: of a transform.
+    line: where its start tag ends; label: what messages call it; kind: None if it is unknown, or once too often, and so
+    ignored; whole: whether it has all that it needs; filled: the slots of the children that have been there; strays:
+    the lines of unknown children; steps: of a transform.
     """
 
     __slots__ = ("filled", "kind", "label", "line", "steps", "strays", "tag", "values", "whole")
@@ -223,17 +223,9 @@ def _more_than_all(v: Element) -> str | None:
     return f"r + t = {shares:g} is above 1: more light goes on than reaches it"
 
 
-# What makes the light of each element. Soft lights are an extension: the course has the first four.
-LIGHTS: Mapping[str, Callable[..., NDArray[np.void]]] = {
-    "ambient_light": ambient_light,
-    "parallel_light": parallel_light,
-    "point_light": point_light,
-    "spot_light": spot_light,
-    "sky_light": sky_light,
-    "sun_light": sun_light,
-    "ball_light": ball_light,
-    "panel_light": panel_light,
-}
+# What makes the light of the element of the same name. Soft lights are an extension: the course has the first four.
+_MAKERS = (ambient_light, parallel_light, point_light, spot_light, sky_light, sun_light, ball_light, panel_light)
+LIGHTS: Mapping[str, Callable[..., NDArray[np.void]]] = {make.__name__: make for make in _MAKERS}
 _any, _positive, _not_negative, _cone = (
     functools.partial(number, rule) for rule in (ANY, POSITIVE, NOT_NEGATIVE, CONE)
 )

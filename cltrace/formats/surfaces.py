@@ -363,7 +363,7 @@ def transformed(
             scaled *= abs(step["x"])
             alike &= abs(step["x"]) == abs(step["y"]) == abs(step["z"])
         else:
-            i, j, cos, sin = _turn(step.tag, step["theta"])
+            (i, j), (cos, sin) = _PLANE[step.tag], cos_sin(step["theta"])
             p[i], p[j] = cos * p[i] - sin * p[j], sin * p[i] + cos * p[j]
     if alike and not turns:
         return p, scaled, None
@@ -394,15 +394,10 @@ def _product(steps: Steps, inverse: bool = False) -> list[list[float]]:
         if step.tag == "scale":
             rows = [[a / s if inverse else a * s for a in row] for row, s in zip(rows, step.numbers, strict=True)]
         elif step.tag != "translate":
-            i, j, cos, sin = _turn(step.tag, step["theta"])
+            (i, j), (cos, sin) = _PLANE[step.tag], cos_sin(step["theta"])
             pairs = list(zip(rows[i], rows[j], strict=True))
             rows[i], rows[j] = [cos * a - sin * b for a, b in pairs], [sin * a + cos * b for a, b in pairs]
     return [[a + 0.0 for a in row] for row in rows]  # makes -0 a 0
-
-
-def _turn(tag: str, degrees: float) -> tuple[int, int, float, float]:
-    """The two axes that a rotation takes one towards the other, its cosine and its sine."""
-    return *_PLANE[tag], *cos_sin(degrees)
 
 
 def cos_sin(degrees: float) -> tuple[float, float]:
