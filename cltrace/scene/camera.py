@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -67,22 +67,13 @@ class Pose:
         x = _unit((x[0] - along * z[0], x[1] - along * z[1], x[2] - along * z[2]))
         return _on_grid(x), _on_grid(_unit(cross(z, x))), _on_grid(z)
 
-    def _set(
-        self,
-        position: ArrayLike,
-        lookat: ArrayLike,
-        up: ArrayLike,
-        resolution: Sequence[int] | NDArray[np.integer[Any]],
-        max_bounces: int,
-        **more: float | bool,
-    ) -> None:
+    def _set(self, resolution: Any, max_bounces: int, more: Mapping[str, object], **vectors: ArrayLike) -> None:
         """Checks and sets all fields but `more`, which are right."""
         if not is_whole(max_bounces) or not 0 <= max_bounces <= MAX_BOUNCES:
             raise ValueError(f"camera.max_bounces: must be within 0..{MAX_BOUNCES}, got {described(max_bounces)}")
-        vectors = {"position": position, "lookat": lookat, "up": up}
         values = {name: vector(f"camera.{name}", value) for name, value in vectors.items()}
         numbers = {"resolution": check_resolution(resolution), "max_bounces": int(max_bounces)}
-        for name, value in (values | numbers | more).items():
+        for name, value in {**values, **numbers, **more}.items():
             object.__setattr__(self, name, value)
         self.basis()
 
@@ -129,7 +120,8 @@ class Camera(Pose):
             raise ValueError(f"camera.square_pixels: must be True or False, got {described(square_pixels)}")
         size = check_resolution(resolution)
         half = _half_angle(horizontal_fov, full=fov, axis=fov_axis, size=size, square_pixels=square_pixels)
-        self._set(position, lookat, up, size, max_bounces, horizontal_fov=half, square_pixels=bool(square_pixels))
+        more = {"horizontal_fov": half, "square_pixels": bool(square_pixels)}
+        self._set(size, max_bounces, more, position=position, lookat=lookat, up=up)
 
     @classmethod
     def fit(
@@ -229,8 +221,8 @@ class Orthographic(Pose):
         resolution: Sequence[int] | NDArray[np.integer[Any]] = (512, 512),
         max_bounces: int = 8,
     ) -> None:
-        height = float(checked("camera.height", POSITIVE, height, ()))
-        self._set(position, lookat, up, resolution, max_bounces, height=height)
+        more = {"height": float(checked("camera.height", POSITIVE, height, ()))}
+        self._set(resolution, max_bounces, more, position=position, lookat=lookat, up=up)
 
     @classmethod
     def fit(

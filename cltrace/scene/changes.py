@@ -14,7 +14,7 @@ from cltrace.scene.colors import decoded
 from cltrace.scene.materials import check_index, packed
 from cltrace.scene.rules import POSITIVE
 from cltrace.scene.scene import Scene
-from cltrace.scene.spheres import ARGUMENTS, Columns, Shade, column, extent_faults, points, reaches, shades
+from cltrace.scene.spheres import ARGUMENTS, Columns, Shade, check_extents, column, points, reaches, shades
 from cltrace.scene.surfaces import NumberedSurfaces, fields_of
 
 
@@ -47,7 +47,7 @@ def with_spheres(scene: Scene, given: Mapping[str, ArrayLike]) -> Scene:
     if "radii" in given:
         columns = replace(columns, radius=column("radii", POSITIVE, given["radii"], (n,)))
     if columns.to_object.ndim and ("radii" in given):
-        _check_extents(columns, scene.to_object)
+        check_extents("radii[{}]: ", columns.radius, columns.to_object, reaches(scene.to_object))
     shade = shades({name: given[argument] for name, argument in ARGUMENTS.items() if argument in given}, n)
     if "color" in shade:
         shade["color"] = decoded(shade["color"], scene.transfer)
@@ -75,14 +75,6 @@ def _with_number(scene: Scene, given: Mapping[str, ArrayLike], n: int) -> tuple[
         if per_sphere and argument not in given:
             raise ValueError(f"{argument}: must be given, too, where there are {n} centers instead of {was}")
     return others
-
-
-def _check_extents(columns: Columns, to_object: NDArray[np.float64]) -> None:
-    """Raises ValueError if an ellipsoid reaches too far, or not far enough."""
-    bent = np.flatnonzero(columns.to_object >= 0)
-    radii = np.broadcast_to(columns.radius, (len(columns),))[bent].astype(np.float64)
-    for i, fault in extent_faults(radii, reaches(to_object)[columns.to_object[bent]]):
-        raise ValueError(f"radii[{bent[i]}]: {fault}")
 
 
 def _shaded(scene: Scene, given: Shade) -> Scene:

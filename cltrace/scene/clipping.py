@@ -69,9 +69,6 @@ class Planes(NumberedSurfaces):
         planes["material"][planes["material"] >= 0] = materials
         return Planes(planes)
 
-    def beside(self, spheres: int, was: int) -> Planes:
-        return self
-
     def moved(self, moves: Floats, first: int, spheres: int) -> Planes:
         """Planes stay where they are when surfaces are repeated."""
         return self

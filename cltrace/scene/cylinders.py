@@ -27,6 +27,7 @@ from cltrace.scene.rules import (
     check_rule,
     checked,
     described,
+    indices,
     numbers,
     records_of,
     vector,
@@ -66,30 +67,26 @@ class Bonds(Frozen):
     @classmethod
     def of(cls, pairs: ArrayLike, radius: ArrayLike | None, box: ArrayLike | None, spheres: int) -> Bonds:
         """Checked. spheres: how many there are. Raises ValueError, which names the argument and the index."""
-        given = checked("bonds", ANY, pairs, (-1, 2))
+        given = indices("bonds", pairs, 2, spheres, "a center")
         if len(given) > MAX_CYLINDERS // 2:
             raise ValueError(f"bonds: must be at most {MAX_CYLINDERS // 2}, got {len(given)}")
-        bad = np.argwhere(~((given >= 0) & (given < spheres) & (given == np.floor(given))))
-        if len(bad):
-            i, j = bad[0]
-            raise ValueError(f"bonds[{i}][{j}]: must be the index of one of {spheres} centers, got {given[i, j]:g}")
         alone = np.flatnonzero(given[:, 0] == given[:, 1])
         if len(alone):
-            raise ValueError(f"bonds[{alone[0]}]: must be two different centers, got {given[alone[0], 0]:g} twice")
+            raise ValueError(f"bonds[{alone[0]}]: must be two different centers, got {given[alone[0], 0]} twice")
         low, high = np.sort(given.astype(np.int64), axis=1).T
         _, first, pair = np.unique(low * spheres + high, return_index=True, return_inverse=True)
         again = np.flatnonzero(first[pair] != np.arange(len(given)))
         if len(again):
             i = again[0]
             images = ", of which one can lead to the nearest image alone" if box is not None else ""
-            joined = f"{given[i, 0]:g} and {given[i, 1]:g} are joined by bonds[{first[pair[i]]}], too{images}"
+            joined = f"{given[i, 0]} and {given[i, 1]} are joined by bonds[{first[pair[i]]}], too{images}"
             raise ValueError(f"bonds[{i}]: must be once, but {joined}")
         if radius is None:
             raise ValueError("bond_radius: must be given with bonds")
         sizes = column("bond_radius", POSITIVE, radius, (len(given),))
         edges = np.zeros((0, 3)) if box is None else box_of(box)
         none = np.zeros((0, 2), np.int32)
-        return cls(given.astype(np.int32), np.broadcast_to(sizes, (len(given),)).astype(np.float64), none, edges)
+        return cls(given, np.broadcast_to(sizes, (len(given),)).astype(np.float64), none, edges)
 
     def placed(self, center: NDArray[Any], of_spheres: NDArray[Any]) -> NDArray[np.void]:
         """CYLINDER records without numbers.

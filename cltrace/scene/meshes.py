@@ -22,7 +22,7 @@ from cltrace.scene.colors import Transfer
 from cltrace.scene.materials import Frozen, Material
 from cltrace.scene.mesh_colors import MeshColors
 from cltrace.scene.mesh_sources import Found
-from cltrace.scene.rules import ANY, check_rule, checked, described, is_whole, large_or_numbers, numbers
+from cltrace.scene.rules import ANY, check_rule, checked, described, indices, is_whole, large_or_numbers, numbers
 from cltrace.scene.spheres import inverse_faults
 from cltrace.scene.surfaces import Floats, Ids, NumberedSurfaces
 
@@ -59,7 +59,7 @@ class Geometry(Frozen):
         uv_of: ArrayLike | None = None,
     ) -> None:
         points = _rows("mesh.vertices", vertices, 3)
-        corners = _indices("mesh.faces", faces, len(points), "a vertex")
+        corners = indices("mesh.faces", faces, 3, len(points), "a vertex")
         for name, rows, most in (("vertices", points, MAX_VERTICES), ("faces", corners, MAX_TRIANGLES)):
             if len(rows) > most:
                 raise ValueError(f"mesh.{name}: must be at most {most}, got {len(rows)}")
@@ -376,29 +376,11 @@ def _rows(name: str, value: ArrayLike, width: int) -> NDArray[np.float64]:
     return checked(name, ANY, value, (-1, width), int(width == 3))
 
 
-def _indices(name: str, value: ArrayLike, count: int, what: str, least: int = 0) -> NDArray[np.int32]:
-    """(f, 3) indices of `count` things. Raises ValueError, which names the place of the first that is none."""
-    whole = type(value) is np.ndarray and value.dtype.kind in "iu"
-    array = np.asarray(value) if whole else numbers(name, value)
-    if array.shape == (0,):  # an empty list
-        array = array.reshape(0, 3)
-    if array.ndim != 2 or array.shape[1] != 3:
-        raise ValueError(f"{name}: must have shape (n, 3), got {array.shape}")
-    within = not array.size or (array.min() >= least and array.max() < count)
-    if not within or not (whole or (array == np.floor(array)).all()):
-        good = (array >= least) & (array < count) & (array == np.floor(array))
-        i, k = np.argwhere(~good)[0]
-        raise ValueError(
-            f"{name}[{i}][{k}]: must be the index of {what}, of which there are {count}, got {array[i, k]:g}"
-        )
-    return array.astype(np.int32)
-
-
 def _of_corners(name: str, value: ArrayLike | None, faces: int, count: int, what: str) -> NDArray[np.int32]:
     """(faces, 3) indices, -1 for none. Raises ValueError also where a triangle has one for some corners only."""
     if value is None:
         return np.broadcast_to(np.int32(-1), (faces, 3))
-    array = _indices(name, value, count, what, least=-1)
+    array = indices(name, value, 3, count, what, least=-1)
     if len(array) != faces:
         raise ValueError(f"{name}: must have shape ({faces}, 3), got {array.shape}")
     absent = array < 0

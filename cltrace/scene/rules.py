@@ -161,6 +161,23 @@ def records_of(name: str, value: NDArray[np.void], dtype: np.dtype[np.void]) -> 
     return np.array(value, dtype)
 
 
+def indices(name: str, value: ArrayLike, width: int, count: int, what: str, least: int = 0) -> NDArray[np.int32]:
+    """(n, width) indices of `count` things. Raises ValueError, which names the place of the first that is none."""
+    whole = type(value) is np.ndarray and value.dtype.kind in "iu"
+    array = np.asarray(value) if whole else numbers(name, value)
+    if array.shape == (0,):  # an empty list
+        array = array.reshape(0, width)
+    if array.ndim != 2 or array.shape[1] != width:
+        raise ValueError(f"{name}: must have shape (n, {width}), got {array.shape}")
+    within = not array.size or (array.min() >= least and array.max() < count)
+    if not within or not (whole or (array == np.floor(array)).all()):
+        good = (array >= least) & (array < count) & (array == np.floor(array))
+        i, k = np.argwhere(~good)[0]
+        words = f"must be the index of {what}, of which there are {count}, got {array[i, k]:g}"
+        raise ValueError(f"{name}[{i}][{k}]: {words}")
+    return array.astype(np.int32)
+
+
 def vector(name: str, value: ArrayLike, rule: Rule = ANY) -> Vector:
     """Three numbers as a tuple of floats; ValueError names the argument."""
     x, y, z = checked(name, rule, value, (3,)).tolist()

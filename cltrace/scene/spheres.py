@@ -60,9 +60,17 @@ def check_spheres(spheres: NDArray[np.void], materials: int, to_object: NDArray[
     singular = np.isnan(reach).any(axis=1)
     if singular.any():
         raise ValueError(f"to_object[{int(np.argmax(singular))}]: must not be singular")
-    bent = np.flatnonzero(spheres["to_object"] >= 0)
-    for i, fault in extent_faults(spheres["radius"][bent], reach[spheres["to_object"][bent]]):
-        raise ValueError(f"spheres.radius[{bent[i]}]: {fault}")
+    check_extents("spheres.radius[{}]: ", spheres["radius"], maps, reach)
+
+
+def check_extents(place: str, radii: NDArray[Any], maps: NDArray[np.int32], reach: NDArray[np.float64]) -> None:
+    """Raises ValueError where one of n ellipsoids reaches too far, or not far enough. place: where its index is {}.
+
+    radii: (n,) or (); maps: (n,), the index of the map of each, -1 for none; reach: (k, 3), of each map.
+    """
+    bent = np.flatnonzero(maps >= 0)
+    for i, fault in extent_faults(np.broadcast_to(radii, maps.shape)[bent], reach[maps[bent]]):
+        raise ValueError(place.format(bent[i]) + fault)
 
 
 def inverse_faults(to_world: NDArray[np.float64], to_object: NDArray[np.float64]) -> Iterator[tuple[int, str]]:
@@ -135,10 +143,7 @@ def shaped(
     index = np.full(len(maps), -1, np.int32)
     index[bent] = np.arange(len(bent))
     of_sphere = np.array(np.broadcast_to(index, (n,)))
-    turned = np.flatnonzero(of_sphere >= 0)
-    reach = row_lengths(maps[bent])[of_sphere[turned]]
-    for i, fault in extent_faults(radii[turned], reach):
-        raise ValueError(f"transform: of sphere {turned[i]}, {fault}")
+    check_extents("transform: of sphere {}, ", radii, of_sphere, row_lengths(maps[bent]))
     return np.array(radii), of_sphere, to_object
 
 

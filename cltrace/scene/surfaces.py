@@ -88,9 +88,9 @@ class NumberedSurfaces(Surfaces):
     def with_materials(self, materials: Ids) -> Self:
         """The same with other indices of these."""
 
-    @abstractmethod
     def beside(self, spheres: int, was: int) -> Self:
         """The same where there are so many spheres instead of `was`. Raises ValueError where that makes no sense."""
+        return self
 
     def following(self, columns: Columns, first: int) -> Self:
         """The same where the spheres are now. first: the number of the first one of these, if they are the last."""

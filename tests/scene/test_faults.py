@@ -221,7 +221,7 @@ FAULTS: list[tuple[Call, str]] = [
     # Bonds, cylinders and boxes.
     (lambda: build(bond_radius=1), "bond_radius: goes with bonds, which are not given"),
     (lambda: bonded([(0, 1)], bond_radius=None), "bond_radius: must be given with bonds"),
-    (lambda: bonded([(0, 3)]), "bonds[0][1]: must be the index of one of 3 centers, got 3"),
+    (lambda: bonded([(0, 3)]), "bonds[0][1]: must be the index of a center, of which there are 3, got 3"),
     (lambda: bonded([(1, 1)]), "bonds[0]: must be two different centers, got 1 twice"),
     (lambda: bonded([(0, 1), (1, 2), (1, 0)]), "bonds[2]: must be once, but 1 and 0 are joined by bonds[0], too"),
     (lambda: bonded([(0, 1)] * 2, box=(9, 9, 9)), "bonds[1]: must be once, but 0 and 1 are joined by bonds[0], too, o"),
