@@ -47,7 +47,7 @@ class Grids:
         self._total, counts = len(world.id), [len(sight.eye) for sight in sights]
         # The first shape always is there, so that there is something to put together.
         self._shapes = [i for i, count in enumerate(counts) if count or not i]
-        self._visible = [np.ones(count, bool) for count in counts]
+        self._visible: Mask = np.concatenate([shape.visible for shape in world.shapes])
         # What is not in the picture itself may be seen in a mirror.
         everywhere = "receivers" in request.keep or world.bounces.any or bool(world.clipping)
         self._receiver = np.full(self._total, everywhere)
@@ -57,18 +57,12 @@ class Grids:
 
     def made(self, window: PictureWindow) -> Iterator[CellGrid]:
         """The grid of the tiles, then those of all light buffers. window: the picture's."""
-        if "hidden" not in self._request.keep and not self._world.clipping:
-            for i, shape in enumerate(self._world.shapes):
-                visible, count = self._sights[i].visible, len(shape.number)
-                if visible is not None and count > 1:
-                    self._visible[i] = visible
-                    self.skipped[f"{shape.words} equal to others"] = count - int(visible.sum())
         yield from self._tiles(window)
         yield from self._of_lights()
 
     def _among(self, seen: Sequence[Silhouettes]) -> Mask:
         """(n,): which of all surfaces a ray can meet from where these are seen, in the order of SHAPES."""
-        return np.concatenate([there & one.met for there, one in zip(self._visible, seen, strict=True)])
+        return np.concatenate([one.met for one in seen]) & self._visible
 
     def _tiles(self, window: PictureWindow) -> Iterator[CellGrid]:
         """The grid of the tiles. What is in it receives light."""

@@ -122,56 +122,48 @@ BYTES_READ = 8
 UNEVEN = 100
 
 
-@dataclass(frozen=True)
-class Textures:
-    """k textures, of m materials.
+NO_TEXTURES: dict[str, NDArray[Any]] = {
+    "texel": np.zeros(0, np.uint8),
+    "texture": np.zeros((0, 4), np.int32),
+    "texture_of": np.zeros(0, np.int32),
+}
+
+
+def packed_textures(
+    images: tuple[Texture, ...],
+    of_material: NDArray[np.integer[Any]],
+    material_of: NDArray[np.integer[Any]],
+    squares: bool = False,
+) -> dict[str, NDArray[Any]]:
+    """Those k textures of a scene that some surface shows, each of them once, as the kernel's buffers by name.
 
     texel: (n,) uint8, red, green and blue of all texels, row by row from the top, one byte each or two, and behind
-    each texture, if that is asked for, which squares of texels are uneven; place: (k, 4) int32, abi's `texture`;
-    of_material: (m,) int32, the index of each material's texture among the k, -1 for none.
+    each texture, if that is asked for, which squares of texels are uneven; texture: (k, 4) int32; texture_of: (m,)
+    int32, the index of each material's texture among the k, -1 for none.
+
+    images: all of them; of_material: (m,), the index of each material's image, -1 for none; material_of: (n,), the
+    index of each surface's material; squares: whether it is to be known which of them are uneven.
     """
-
-    texel: NDArray[np.uint8]
-    place: NDArray[np.int32]
-    of_material: NDArray[np.int32]
-
-    @classmethod
-    def of(
-        cls,
-        images: tuple[Texture, ...],
-        of_material: NDArray[np.integer[Any]],
-        material_of: NDArray[np.integer[Any]],
-        squares: bool = False,
-    ) -> Textures:
-        """Those textures of a scene that some surface shows, each of them once.
-
-        images: all of them; of_material: (m,), the index of each material's image, -1 for none; material_of: (n,), the
-        index of each surface's material; squares: whether it is to be known which of them are uneven.
-        """
-        shown = of_material[used(len(of_material), material_of)] if images else of_material[:0]
-        mask = used(len(images), shown[shown >= 0])
-        if not mask.any():
-            return NO_TEXTURES
-        new = np.full(len(images) + 1, -1, np.int32)  # the last one is for -1
-        new[:-1][mask] = np.arange(mask.sum())
-        texels: list[NDArray[np.uint8]] = []
-        places, begin = [], 0
-        for i in np.flatnonzero(mask).tolist():
-            height, width = images[i].shape[:2]
-            # MAX_TEXELS of 6 bytes each are less than 2^31.
-            full = FULL[images[i].dtype]
-            places.append((width, height, begin, full))
-            # The kernel reads numbers without a sign, so those that have one are so much larger.
-            stored = (images[i] + full).astype(np.uint16) if full == CONSTANTS["SIGNED_FULL"] else images[i]
-            uneven = uneven_squares(images[i]) if squares else np.zeros(0, np.uint8)
-            texels += [stored.reshape(-1).view(np.uint8), uneven]
-            begin += images[i].nbytes + len(uneven)
-        texel = joined([*texels, np.zeros(BYTES_READ, np.uint8)])  # which a CPU's driver need not copy once more
-        return cls(texel, np.array(places, np.int32).reshape(-1, 4), new[of_material])
-
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """The kernel's buffers by name."""
-        return {"texel": self.texel, "texture": self.place, "texture_of": self.of_material}
+    shown = of_material[used(len(of_material), material_of)] if images else of_material[:0]
+    mask = used(len(images), shown[shown >= 0])
+    if not mask.any():
+        return NO_TEXTURES
+    new = np.full(len(images) + 1, -1, np.int32)  # the last one is for -1
+    new[:-1][mask] = np.arange(mask.sum())
+    texels: list[NDArray[np.uint8]] = []
+    places, begin = [], 0
+    for i in np.flatnonzero(mask).tolist():
+        height, width = images[i].shape[:2]
+        # MAX_TEXELS of 6 bytes each are less than 2^31.
+        full = FULL[images[i].dtype]
+        places.append((width, height, begin, full))
+        # The kernel reads numbers without a sign, so those that have one are so much larger.
+        stored = (images[i] + full).astype(np.uint16) if full == CONSTANTS["SIGNED_FULL"] else images[i]
+        uneven = uneven_squares(images[i]) if squares else np.zeros(0, np.uint8)
+        texels += [stored.reshape(-1).view(np.uint8), uneven]
+        begin += images[i].nbytes + len(uneven)
+    texel = joined([*texels, np.zeros(BYTES_READ, np.uint8)])  # which a CPU's driver need not copy once more
+    return {"texel": texel, "texture": np.array(places, np.int32).reshape(-1, 4), "texture_of": new[of_material]}
 
 
 def uneven_squares(image: Texture) -> NDArray[np.uint8]:
@@ -179,9 +171,6 @@ def uneven_squares(image: Texture) -> NDArray[np.uint8]:
     rows, columns = (np.arange(0, n, CONSTANTS["SQUARE"]) for n in image.shape[:2])
     low, high = (f.reduceat(f.reduceat(image, rows, 0), columns, 1).astype(np.int32) for f in (np.minimum, np.maximum))
     return np.asarray(255 * (high - low).max(axis=2) > UNEVEN * FULL[image.dtype]).astype(np.uint8).reshape(-1)
-
-
-NO_TEXTURES = Textures(np.zeros(0, np.uint8), np.zeros((0, 4), np.int32), np.zeros(0, np.int32))
 
 
 # The numbers of waiting rays that programs have room for: one for each depth of 0 .. max_bounces.

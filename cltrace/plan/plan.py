@@ -51,7 +51,7 @@ def features(world: ScenePacking, camera: AnyCamera, inside: bool, request: Requ
     splits = bounces and world.bounces.splits
     pays = world.bounces.shrinks and world.bounces.fades(camera.max_bounces)
     drops = splits and (pays or full) and "branches" not in request.keep
-    textures = shading and len(world.textures.place) > 0
+    textures = shading and len(world.textures["texture"]) > 0
     sampled = shading and request.means
     uv = textures or "uv" in request.outputs
     bounded = request.precision != "single" and KEPT.isdisjoint(request.keep) and not world.clipping

@@ -9,6 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from cltrace.plan.abi import OUTPUTS, PICTURES, Precision
+from cltrace.scene.rules import is_whole
 
 PRECISIONS: tuple[Precision, ...] = get_args(Precision)
 KeptSurfaces = Literal["lists", "filter", "hidden", "receivers", "unstopped", "order", "tree"]
@@ -28,11 +29,6 @@ WIDTHS = (1, 4, 8, 16)  # of packets: pixels that are drawn together
 Crop = tuple[int, int, int, int]
 # x, y, width, height in pixels of the whole picture: what a Crop is turned into.
 Region = tuple[int, int, int, int]
-
-
-def is_whole(value: object) -> bool:
-    """Whether a value is a whole number, also one of numpy's."""
-    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
 @dataclass(frozen=True)

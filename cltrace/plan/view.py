@@ -147,7 +147,7 @@ def _brightest(world: ScenePacking, camera: AnyCamera) -> float:
 def _shades(world: ScenePacking) -> Arrays:
     """The buffers of materials and textures."""
     packed = {"material_of": world.material_of, "material": world.materials.packed, "bounce": world.materials.bounce}
-    return packed | world.textures.arrays()
+    return packed | world.textures
 
 
 def _not_empty(arrays: Arrays) -> Arrays:

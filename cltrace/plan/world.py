@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cltrace.base.arrays import joined
 from cltrace.plan.accel.tree import NO_PATHS, Paths
 from cltrace.plan.lights import useful_lights
-from cltrace.plan.materials import NO_BOUNCES, NO_TEXTURES, Bounces, Materials, Textures, brightest
+from cltrace.plan.materials import NO_BOUNCES, NO_TEXTURES, Bounces, Materials, brightest, packed_textures
 from cltrace.plan.request import Request
 from cltrace.plan.rounding import Array, Ints
 from cltrace.plan.shapes.cylinder import CylinderPacking
@@ -84,11 +84,11 @@ class ScenePacking:
     """What no camera changes: n surfaces, their materials and the lights, for one precision.
 
     shapes: the surfaces of each of SHAPES, in that order; id: (n,), the number of each one in the scene, where a
-    triangle has its mesh's; material_of: (n,), the index of each one's material in materials; textures: those that
-    surfaces have; lights: (m,) of the scene's lamps, those that can add to a colour, in the order of LIGHT_KINDS; soft:
-    whether any light is soft, and so stands for many; bounces: what surfaces do with rays; clipping: the planes that
-    clip them; paths: what rays need that leave surfaces, NO_PATHS where none does; background: linear (r, g, b); peak:
-    (3,), brightest() where a ray may become two, else 0; skipped: what the scene does not need, in words, and how
+    triangle has its mesh's; material_of: (n,), the index of each one's material in materials; textures: the buffers of
+    packed_textures(); lights: (m,) of the scene's lamps, those that can add to a colour, in the order of LIGHT_KINDS;
+    soft: whether any light is soft, and so stands for many; bounces: what surfaces do with rays; clipping: the planes
+    that clip them; paths: what rays need that leave surfaces, NO_PATHS where none does; background: linear (r, g, b);
+    peak: (3,), brightest() where a ray may become two, else 0; skipped: what the scene does not need, in words, and how
     often; seconds: what took how long: "tree".
     """
 
@@ -96,7 +96,7 @@ class ScenePacking:
     id: Ints
     material_of: Ints
     materials: Materials
-    textures: Textures
+    textures: Arrays
     lights: NDArray[np.void]
     soft: bool
     bounces: Bounces
@@ -136,7 +136,7 @@ class ScenePacking:
         bounces, textures, peak = NO_BOUNCES, NO_TEXTURES, np.zeros(3)
         if request.needs_colors:
             bounces = Bounces.of(materials.bounce, of, "bounces" in request.keep)
-            textures = Textures.of(scene.textures, materials.texture, of, squares=request.means)
+            textures = packed_textures(scene.textures, materials.texture, of, squares=request.means)
         if bounces.splits:
             peak = brightest(materials, of, lights, scene.background)
         paths, seconds = NO_PATHS, dict[str, float]()

@@ -21,13 +21,14 @@ from cltrace.picture.image import Image, Output
 from cltrace.plan.abi import OUTPUTS, Precision, dtype_of
 from cltrace.plan.materials import precision_for
 from cltrace.plan.plan import Plan, passes_of
-from cltrace.plan.request import WIDTHS, Crop, Keep, Region, Request, is_whole
+from cltrace.plan.request import WIDTHS, Crop, Keep, Region, Request
 from cltrace.plan.view import CameraView
 from cltrace.plan.world import Before, ScenePacking
 from cltrace.run.devices import DRIVERS, Device, check_process, choose, driver_errors
 from cltrace.run.executor import Executor, FrameBuffers, Made, deadline
 from cltrace.run.pack import packer_of, view_by
 from cltrace.scene import AnyCamera, Scene, share_all_but_camera, with_spheres
+from cltrace.scene.rules import is_whole
 
 if TYPE_CHECKING:
     from cltrace.run.pack import Packer

@@ -12,10 +12,10 @@ from stress_cases import picture
 
 import cltrace
 from cltrace import Camera, Material, Mesh, Orthographic, Renderer, Scene
-from cltrace.plan.materials import Textures
+from cltrace.plan.materials import packed_textures
 from cltrace.plan.plan import Plan
 from cltrace.plan.request import Request
-from cltrace.plan.shapes.mesh import CornerAttributes, PackedTriangles
+from cltrace.plan.shapes.mesh import PackedTriangles, corner_attributes
 from cltrace.reference.trace import primary_ray, trace
 from cltrace.run.devices import Device
 from cltrace.scene import MATERIAL, SPHERE, Geometry, PlacedMesh
@@ -197,12 +197,12 @@ def test_a_globe(device: Device, precision: str) -> None:
 def test_only_textures_that_show_are_packed() -> None:
     """A texture that several materials have is there once; one of materials that no surface has is not."""
     images = tuple(np.full((2, 3, 3), k, dtype) for k, dtype in enumerate((np.uint8, np.uint16, np.uint8)))
-    textures = Textures.of(images, np.array([2, 0, -1, 2, 1]), np.array([0, 4, 3, 2, 2]))
-    assert textures.place.tolist() == [[3, 2, 0, 65535], [3, 2, 36, 255]]
-    assert textures.of_material.tolist() == [1, -1, -1, 1, 0]
-    assert textures.texel[:36].view(np.uint16).tolist() == [1] * 18
-    assert textures.texel[36:54].tolist() == [2] * 18
-    assert len(textures.texel) == 54 + 8
+    textures = packed_textures(images, np.array([2, 0, -1, 2, 1]), np.array([0, 4, 3, 2, 2]))
+    assert textures["texture"].tolist() == [[3, 2, 0, 65535], [3, 2, 36, 255]]
+    assert textures["texture_of"].tolist() == [1, -1, -1, 1, 0]
+    assert textures["texel"][:36].view(np.uint16).tolist() == [1] * 18
+    assert textures["texel"][36:54].tolist() == [2] * 18
+    assert len(textures["texel"]) == 54 + 8
 
 
 def test_flags() -> None:
@@ -239,9 +239,9 @@ def test_what_corners_of_meshes_share_is_there_once() -> None:
     one = geometry(7, 5, 4, False)
     shapes = one, geometry(11, 6, 0, True), one, geometry(5, 0, 6, True)
     meshes = tuple(PlacedMesh(shape, random.normal(size=(3, 4)), 0, i) for i, shape in enumerate(shapes))
-    at = CornerAttributes.of(meshes, PackedTriangles.of(meshes, False, once=False), "accurate", True)
-    assert (at.corner_normal.shape, at.corner_uv.shape) == ((11, 4), (10, 2))
-    assert np.array_equal(at.normal_face[:7, :3], at.normal_face[18:25, :3])
-    assert at.normal_face[:, 3].tolist() == [0] * 7 + [-1, 1, 1] * 3 + [-1, 1] + [2] * 7 + [-1] * 5
-    assert at.uv_face[:, 3].tolist() == [0] * 7 + [-1] * 11 + [2] * 7 + [3, -1, 3, 3, -1]
-    assert np.array_equal(at.corner_normal[:5, :3], one.normals)
+    at = corner_attributes(meshes, PackedTriangles.of(meshes, False, once=False), "accurate", True)
+    assert (at["corner_normal"].shape, at["corner_uv"].shape) == ((11, 4), (10, 2))
+    assert np.array_equal(at["normal_face"][:7, :3], at["normal_face"][18:25, :3])
+    assert at["normal_face"][:, 3].tolist() == [0] * 7 + [-1, 1, 1] * 3 + [-1, 1] + [2] * 7 + [-1] * 5
+    assert at["uv_face"][:, 3].tolist() == [0] * 7 + [-1] * 11 + [2] * 7 + [3, -1, 3, 3, -1]
+    assert np.array_equal(at["corner_normal"][:5, :3], one.normals)

@@ -78,7 +78,7 @@ class BallsInView(InView):
         turned = partial(rotated, np.array(self.camera.basis()))
         discs = [small.seen_from(light.place * 2.0**k)[0] if light.at_point else None for light in lights]
         seen = [replace(d, center=turned(d.center)) if d else small.seen_from_eye() for d in discs]
-        return Sights({}, eye=eye, lights=seen, visible=None, lit={})
+        return Sights({}, eye=eye, lights=seen, lit={})
 
 
 @pytest.mark.parametrize("camera", [CAMERA, cltrace.Orthographic((0, 0, 4), height=3.0)], ids=["point", "parallel"])

@@ -132,7 +132,7 @@ class CellGrid:
     held: Held | None = field(default=None, compare=False)
 
     def without_members(self) -> CellGrid:
-        """What fill_record() needs of it."""
+        """What record_of() needs of it."""
         return replace(self, members=NOBODY, held=None)
 
     def entered(self, count: int) -> Mask:
@@ -159,8 +159,7 @@ def build(grids: Iterable[CellGrid], precision: Precision) -> dict[str, NDArray[
     cells = filled = 0
     for grid in grids:
         start, entry, mask = listed(grid)
-        records.append(np.zeros(1, dtype_of("Grid", precision)))
-        fill_record(records[-1][0], grid, cells, mask)
+        records.append(record_of(grid, cells, mask, precision))
         starts.append(start + np.int32(filled))
         entries.append(entry)
         cells += len(start)
@@ -170,8 +169,10 @@ def build(grids: Iterable[CellGrid], precision: Precision) -> dict[str, NDArray[
     return {"grid": np.concatenate(records), "start": np.concatenate(starts), "entry": np.concatenate(entries)}
 
 
-def fill_record(g: np.void, grid: CellGrid, first: int, mask: int) -> None:
-    """Makes `g` abi's `Grid` of a grid. first: its first cell; mask: a bit for each level that holds anything."""
+def record_of(grid: CellGrid, first: int, mask: int, precision: Precision) -> NDArray[np.void]:
+    """(1,): abi's `Grid` of a grid. first: its first cell; mask: a bit for each level that holds anything."""
+    record = np.zeros(1, dtype_of("Grid", precision))
+    g = record[0]
     # Coordinates count from the window's middle. The axes are changed for that before they are rounded to float32.
     right, up, ahead = grid.axes
     shear = grid.middle if grid.perspective else np.zeros(2)
@@ -183,6 +184,7 @@ def fill_record(g: np.void, grid: CellGrid, first: int, mask: int) -> None:
     g["flags"][0] = grid.coarse
     g["window"] = *grid.half, *(np.array(grid.cells) / (2 * grid.half))
     g["cells"] = *grid.cells, first, mask
+    return record
 
 
 def listed(grid: CellGrid) -> tuple[Ints, Ints, int]:

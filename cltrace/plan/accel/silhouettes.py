@@ -306,7 +306,7 @@ def plane_distance(ends: Sequence[Array]) -> tuple[Array, Array]:
     """
     a, b, c = ends
     e, f = b - a, c - a
-    normal = np.stack([e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]])
+    normal = np.stack(cross(e, f))
     sides, reach = np.maximum(length(*e), length(*f)), np.max([length(*end) for end in ends], axis=0)
     error = 8 * TURNED * reach
     plane = np.abs((a * normal).sum(axis=0)) - error * reach * sides

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.base.arithmetic import cross
+from cltrace.base.arithmetic import cross, dot, minus
 from cltrace.plan.accel.silhouettes import Capsules
 from cltrace.plan.accel.tree import Paths
 from cltrace.plan.lights import Lamp
@@ -109,9 +109,9 @@ class CylinderPacking(ShapePacking):
 
 def _exact_side(start: Array, end: Array, radius: float, point: Array) -> int:
     S, E, P = ([Fraction(v) for v in p.tolist()] for p in (start, end, point))
-    x, u = [p - s for p, s in zip(P, S, strict=True)], [e - s for e, s in zip(E, S, strict=True)]
-    along, uu = sum(a * b for a, b in zip(x, u, strict=True)), sum(a * a for a in u)
-    excess = sum(a * a for a in cross(x, u)) - Fraction(radius) ** 2 * uu
+    x, u = minus(P, S), minus(E, S)
+    across, along, uu = cross(x, u), dot(x, u), dot(u, u)
+    excess = dot(across, across) - Fraction(radius) ** 2 * uu
     beyond = max(-along, along - uu, excess)
     return (beyond > 0) - (beyond < 0)
 
@@ -138,7 +138,7 @@ class CylindersInView(InView):
         eye = self.capsules(self.near, k)
         lit: Arrays = {"cylinder_side": sides.reshape(-1)}
         arrays: Arrays = {"cylinder_seen": self._seen(k)}
-        return Sights(arrays, eye=eye, lights=[*seen], visible=None, lit=lit)
+        return Sights(arrays, eye=eye, lights=[*seen], lit=lit)
 
     def _seen(self, k: int) -> NDArray[np.float32]:
         """The kernel's buffer of that name."""

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from cltrace.base.arithmetic import Triple, cross, dot, minus
 from cltrace.base.arrays import blockwise, empty, joined, widened
 from cltrace.plan.abi import CONSTANTS, Precision, dtype_of, real_dtype
 from cltrace.plan.accel.silhouettes import Polygons
@@ -125,10 +126,10 @@ def from_point(
         face = np.ascontiguousarray(triangles.face[rows, :3].T)
         corner = [tuple(column.take(which) for column in columns) for which in face]
         sizes = [size.take(which) for which in face]
-        planes = [_cross(corner[i], corner[(i + 1) % 3]) for i in range(3)]
-        e, f = (tuple(q - p for p, q in zip(corner[0], other, strict=True)) for other in corner[1:])
-        N = _cross(e, f)
-        D = _dot(corner[0], N)
+        planes = [cross(corner[i], corner[(i + 1) % 3]) for i in range(3)]
+        e, f = (minus(other, corner[0]) for other in corner[1:])
+        N = cross(e, f)
+        D = dot(corner[0], N)
         most = np.maximum(np.maximum(sizes[0], sizes[1]), sizes[2])
         total, N_off = _size(N), TURNED * most * (_size(e) + _size(f))
         D_off = sizes[0] * (N_off + TURNED * total)
@@ -185,7 +186,7 @@ def along_light(
         for i, j in ((0, 1), (1, 2), (2, 0)):
             lines.append((-(y[j] - y[i]), x[j] - x[i], x[i] * y[j] - x[j] * y[i]))
         e, f = (tuple(p[i] - p[0] for p in (x, y, z)) for i in (1, 2))
-        N = _cross(e, f)
+        N = cross(e, f)
         area = N[2]
         spread = (np.abs(lines[0][0]) + np.abs(lines[0][1])) + (np.abs(lines[2][0]) + np.abs(lines[2][1]))
         side = np.sign(area)
@@ -224,14 +225,6 @@ def _rounding(n: Columns, plane: tuple[float, float] | None) -> Array:
     return (plane[0] * np.abs(n[0]) + plane[1] * np.abs(n[1])) + np.abs(n[2])
 
 
-def _cross(a: tuple[Array, ...], b: tuple[Array, ...]) -> Columns:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def _dot(a: tuple[Array, ...], b: tuple[Array, ...]) -> Array:
-    return (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]
-
-
 def _size(a: tuple[Array, ...]) -> Array:
     """The sum of the coordinates' magnitudes."""
     return (np.abs(a[0]) + np.abs(a[1])) + np.abs(a[2])
@@ -241,66 +234,50 @@ def _corners(triangles: PackedTriangles, i: int) -> list[list[Fraction]]:
     return [[Fraction(x) for x in triangles.vertex[k].tolist()] for k in triangles.face[i, :3]]
 
 
-def _volume(a: list[Fraction], b: list[Fraction], c: list[Fraction]) -> int:
+def _volume(a: Triple[Fraction], b: Triple[Fraction], c: Triple[Fraction]) -> int:
     """The sign of a.(b x c)."""
-    value = a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+    value = dot(a, cross(b, c))
     return (value > 0) - (value < 0)
 
 
 def exact_turns(triangles: PackedTriangles, which: NDArray[np.integer[Any]], towards: Array) -> list[int]:
     """The signs of l.((B - A) x (C - A)) of some triangles, (k,), l being the direction to a parallel light."""
-    light, found = [Fraction(x) for x in towards.tolist()], []
-    for i in which.tolist():
-        a, *others = _corners(triangles, i)
-        found.append(_volume(light, *([x - o for x, o in zip(corner, a, strict=True)] for corner in others)))
-    return found
+    light = [Fraction(x) for x in towards.tolist()]
+    corners = (_corners(triangles, i) for i in which.tolist())
+    return [_volume(light, minus(b, a), minus(c, a)) for a, b, c in corners]
 
 
 def exact_sides(triangles: PackedTriangles, which: NDArray[np.integer[Any]], point: Array) -> list[int]:
     """The signs of D = A'.(B' x C') of some triangles, (k,), as seen from a point of the world."""
     at = [Fraction(x) for x in point.tolist()]
     corners = (_corners(triangles, i) for i in which.tolist())
-    return [_volume(*([x - o for x, o in zip(corner, at, strict=True)] for corner in three)) for three in corners]
+    return [_volume(*(minus(corner, at) for corner in three)) for three in corners]
 
 
-@dataclass(frozen=True)
-class CornerAttributes:
+def corner_attributes(
+    meshes: tuple[PlacedMesh, ...], triangles: PackedTriangles, precision: Precision, with_uv: bool
+) -> Arrays:
     """The normals and texture coordinates of k meshes with t triangles. What several meshes share is there once.
 
     mesh: (k,) records of abi's `Mesh`; corner_normal: (n, 4) of real_dtype(), in the objects' spaces, in float32 each
     object's divided by a power of two so that no number exceeds 1; normal_face: (t, 4) int32, which three normals the
     corners of a triangle have, and its mesh, -1 where they have none; corner_uv: (j, 2) of real_dtype(); uv_face: (t,
-    4) int32, which three of these, and -1 where there are none.
+    4) int32, which three of these, and -1 where there are none. with_uv: whether texture coordinates are needed.
     """
-
-    mesh: NDArray[np.void]
-    corner_normal: NDArray[Any]
-    normal_face: NDArray[np.int32]
-    corner_uv: NDArray[Any]
-    uv_face: NDArray[np.int32]
-
-    @classmethod
-    def of(
-        cls, meshes: tuple[PlacedMesh, ...], triangles: PackedTriangles, precision: Precision, with_uv: bool
-    ) -> CornerAttributes:
-        """The attributes of a scene's meshes. with_uv: whether texture coordinates are needed."""
-        real = real_dtype(precision)
-        mesh = np.zeros(len(meshes), dtype_of("Mesh", precision))
-        normals, uvs, narrow = _Table(4, real), _Table(2, real), real == np.float32
-        for record, placed in zip(mesh, meshes, strict=True):
-            shape = placed.geometry
-            for name, row in zip(("normal_x", "normal_y", "normal_z"), placed.normal_to_world, strict=True):
-                record[name][:3] = row
-            # A double has room for the squares of what a scene may hold.
-            normals.add(id(shape), shape.normals, shape.normal_of, _exponent_of(shape.normals) if narrow else 0)
-            if with_uv:
-                uvs.add(id(shape), shape.uv, shape.uv_of)
-        (normal, normal_face), (corner_uv, uv_face) = normals.arrays(triangles), uvs.arrays(triangles)
-        return cls(mesh, normal, normal_face, corner_uv=corner_uv, uv_face=uv_face)
-
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """The kernel's buffers by name."""
-        return dict(self.__dict__)
+    real = real_dtype(precision)
+    mesh = np.zeros(len(meshes), dtype_of("Mesh", precision))
+    normals, uvs, narrow = _Table(4, real), _Table(2, real), real == np.float32
+    for record, placed in zip(mesh, meshes, strict=True):
+        shape = placed.geometry
+        for name, row in zip(("normal_x", "normal_y", "normal_z"), placed.normal_to_world, strict=True):
+            record[name][:3] = row
+        # A double has room for the squares of what a scene may hold.
+        normals.add(id(shape), shape.normals, shape.normal_of, _exponent_of(shape.normals) if narrow else 0)
+        if with_uv:
+            uvs.add(id(shape), shape.uv, shape.uv_of)
+    (normal, normal_face), (uv, uv_face) = normals.arrays(triangles), uvs.arrays(triangles)
+    corners = {"corner_normal": normal, "normal_face": normal_face, "corner_uv": uv, "uv_face": uv_face}
+    return {"mesh": mesh, **corners}
 
 
 class _Table:
@@ -354,10 +331,10 @@ FLAGS |= {"WITH_PATCHES": "bounces", "WITH_UNSTOPPABLE": "points"}
 
 @dataclass(frozen=True, eq=False)
 class MeshPacking(ShapePacking):
-    """The m triangles of all meshes, and what their corners have for shading: a Shape."""
+    """The m triangles of all meshes, and what their corners have for shading, as buffers: a Shape."""
 
     triangles: PackedTriangles
-    attributes: CornerAttributes
+    attributes: Arrays
 
     words: ClassVar[str] = "triangles"
 
@@ -371,7 +348,7 @@ class MeshPacking(ShapePacking):
         once = "hidden" not in request.keep and not len(scene.planes)
         triangles = PackedTriangles.of(scene.meshes, by_place, sided=sided, once=once)
         textured = bool(scene.textures) or "uv" in request.outputs
-        attributes, m = CornerAttributes.of(scene.meshes, triangles, request.precision, textured), len(triangles.face)
+        attributes, m = corner_attributes(scene.meshes, triangles, request.precision, textured), len(triangles.face)
         tree = {"vertex": triangles.vertex, "face": triangles.face[:, :3]}
         of: dict[str, Any] = {"triangles": triangles, "attributes": attributes}
         return cls(triangles.number, triangles.surface, FLAGS if m else {}, tree, leave=m > 0, **of)
@@ -403,8 +380,7 @@ class MeshPacking(ShapePacking):
         if exponent is not None:
             vertex = np.ldexp(vertex - paths.middle, exponent)
         face, number = self.triangles.face, self.triangles.number
-        arrays = {"vertex": widened(vertex, 4, real), "face": face, "number_of": number}
-        return arrays | self.attributes.arrays()
+        return {"vertex": widened(vertex, 4, real), "face": face, "number_of": number} | self.attributes
 
     def in_view(self, camera: AnyCamera, first: int) -> MeshesInView:
         return MeshesInView(self.triangles, camera, first)
@@ -436,7 +412,7 @@ class MeshesInView(InView):
         eye_row, *rows = self.rows(len(lights))
         eye = self.from_eye(k, eye_row)
         seen = [self.from_light(light, k, row) for light, row in zip(lights, rows, strict=True)]
-        return Sights(self.arrays, eye=eye, lights=[*seen], visible=None, lit=self.lit)
+        return Sights(self.arrays, eye=eye, lights=[*seen], lit=self.lit)
 
     def rows(self, lights: int) -> Iterable[Any]:
         """Where facets go that are seen from the eye, and from each light."""

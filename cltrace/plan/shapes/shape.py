@@ -30,15 +30,13 @@ def share(old: Scene, new: Scene, *names: str) -> bool:
 class Sights(NamedTuple):
     """The surfaces of one shape as the eye and the lights see them, in the float buffers' unit.
 
-    arrays, lit: the kernel's buffers by name, lit those that have rows for each light in turn; eye, lights: from there;
-    visible: (n,), which of them rays can meet, None for all.
+    arrays, lit: the kernel's buffers by name, lit those that have rows for each light in turn; eye, lights: from there.
     """
 
     arrays: Arrays
     lit: Arrays
     eye: Silhouettes
     lights: list[Silhouettes]
-    visible: Mask | None
 
 
 class InView(ABC):
@@ -77,8 +75,13 @@ class ShapePacking(ABC):
 
     @property
     def left_out(self) -> int:
-        """How many of the scene are not here, since they are equal to others."""
+        """How many of the scene are not here, or not visible, since they are equal to others."""
         return 0
+
+    @property
+    def visible(self) -> Mask:
+        """(n,): which of them rays can meet."""
+        return np.ones(len(self.number), bool)
 
     @abstractmethod
     def material(self, scene: Scene) -> Ints:

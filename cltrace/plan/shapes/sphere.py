@@ -243,7 +243,7 @@ class SpherePacking(ShapePacking):
         number = scene.sphere_numbers.take(row) if any(map(len, scene.others)) else row
         shape = columns.to_object.take(row) if columns.to_object.ndim else columns.to_object
         again = np.zeros(len(row), bool)  # of equal ones each may count, as planes may clip them
-        if not len(scene.planes):
+        if not len(scene.planes) and "hidden" not in request.keep:
             again = repeated(center, radius, shape=shape, number=number, by_place=by_place)
         maps = Maps.of(shape, scene.to_object) if (shape >= 0).any() else None
         reach = radius * maps.longest[maps.of_sphere] if maps else radius
@@ -254,6 +254,14 @@ class SpherePacking(ShapePacking):
         tree = {"center": center, "outer": reach, "inner": core, "member": ~again}
         of: dict[str, Any] = {"step": far, "center": center, "radius": radius, "maps": maps, "reach": reach}
         return cls(row, number, flags, tree, leave=maps is not None, **of, again=again)
+
+    @property
+    def left_out(self) -> int:
+        return int(self.again.sum())
+
+    @property
+    def visible(self) -> Mask:
+        return ~self.again
 
     def material(self, scene: Scene) -> Ints:
         of = scene.columns.material
@@ -334,7 +342,7 @@ class SpheresInView(InView):
         arrays = self._from_eye(small, k, real_dtype(request.precision))
         lit: Arrays = {"light_filter": filters.reshape(-1, 4), "light_side": sides.reshape(-1)}
 
-        return Sights(arrays, eye=eye, lights=seen, visible=~self.spheres.again, lit=lit)
+        return Sights(arrays, eye=eye, lights=seen, lit=lit)
 
     def from_light(self, light: Lamp, small: CameraSpace, unit: float, filter_: Any, side: NDArray[np.int8]) -> Discs:
         """What a light sees. small: in 1 / unit scene units; filter_: (n, 4), abi's light_filter; side: (n,), as seen

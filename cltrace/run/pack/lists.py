@@ -12,8 +12,8 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 
-from cltrace.plan.abi import CONSTANTS, Precision, dtype_of
-from cltrace.plan.accel.grids import ONE_CELL_LEVEL, SPARE, CellGrid, fill_record, listed, runs_of
+from cltrace.plan.abi import CONSTANTS, Precision
+from cltrace.plan.accel.grids import ONE_CELL_LEVEL, SPARE, CellGrid, listed, record_of, runs_of
 from cltrace.run.pack.polygons import EnteredPolygons
 from cltrace.run.pack.toolbox import PACKET, Arguments, Entered, Toolbox, numbered
 
@@ -164,7 +164,7 @@ class ListWriter:
         self.records: list[NDArray[np.void]] = []
         self.listed: list[Listed] = []
         self.lists = lists
-        self._tools, self._dtype = tools, dtype_of("Grid", precision)
+        self._tools, self._precision = tools, precision
         # Where lists began, where those of the second grid did, and where the next ones belong: a cell and an entry.
         self._begin = self._second = self._next = (0, 0)
 
@@ -238,9 +238,7 @@ class ListWriter:
 
     def add_again(self, grid: CellGrid, where: Listed) -> None:
         """Adds a grid whose lists are there already."""
-        record = np.zeros(1, self._dtype)
-        fill_record(record[0], grid, *where)
-        self.records.append(record)
+        self.records.append(record_of(grid, *where, self._precision))
         self.listed.append(where)
 
     def done(self, common: bool = True) -> tuple[dict[str, Any], NDArray[np.void]]:

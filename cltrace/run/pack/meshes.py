@@ -134,39 +134,31 @@ class _OnDevice(MeshesInView):
 
     of: _SeenMeshes = field(kw_only=True)
 
-    @property
-    def packer(self) -> MeshPacker:
-        return self.of.packer
-
-    @property
-    def made(self) -> dict[str, Any]:
-        return self.of.made
-
     def see(self, k: int, lights: list[Lamp], request: Request) -> Sights:
         sights = super().see(k, lights, request)
-        self.packer.tools.finish()
+        self.of.packer.tools.finish()
         return sights
 
     def rows(self, lights: int) -> Iterable[int]:
         """The first triangle's index in a buffer, where each one has three rows."""
-        m, tools, kept = len(self.triangles.face), self.packer.tools, self.of.kept
-        self.made["facet"], first = tools.room(12 * m, np.float32), self.of.count if kept else 0
+        m, tools, kept, made = len(self.triangles.face), self.of.packer.tools, self.of.kept, self.of.made
+        made["facet"], first = tools.room(12 * m, np.float32), self.of.count if kept else 0
         if lights:
-            self.made["light_facet"] = tools.room(12 * m * (first + lights), np.float32, again=True)
+            made["light_facet"] = tools.room(12 * m * (first + lights), np.float32, again=True)
         elif kept:
-            self.made["light_facet"] = kept.buffers["light_facet"]
+            made["light_facet"] = kept.buffers["light_facet"]
         else:
             self.lit["light_facet"] = np.zeros((0, 4), np.float32)
         if kept and lights:
-            tools.copy(kept.buffers["light_facet"], self.made["light_facet"], 0, 48 * m * first)
+            tools.copy(kept.buffers["light_facet"], made["light_facet"], 0, 48 * m * first)
         return [0, *range(m * first, m * (first + lights), m)]
 
     def from_eye(self, k: int, out: Any) -> Polygons:
-        rows: Arguments = {"pane": self.camera.image_plane(), "facet": self.made["facet"], "first": out}
+        rows: Arguments = {"pane": self.camera.image_plane(), "facet": self.of.made["facet"], "first": out}
         return self._facets("facets", self.near, partial(exact_sides, point=np.array(self.camera.position)), rows)
 
     def from_light(self, light: Lamp, k: int, out: Any) -> Polygons:
-        rows: Arguments = {"facet": self.made["light_facet"], "first": out}
+        rows: Arguments = {"facet": self.of.made["light_facet"], "first": out}
         if not light.at_point:
             rows |= dict(zip("abc", light.axes, strict=True))
             return self._facets("facets_along", self.near, partial(exact_turns, towards=light.towards), rows)
@@ -179,7 +171,8 @@ class _OnDevice(MeshesInView):
         kernel: its name; near: (v, 3), the corners from there along the camera's axes; exact: what decides which sides
         of some of the triangles are seen where the kernel is unsure; rows: what the kernel is given besides.
         """
-        tools, face, m = self.packer.tools, self.packer.face, len(self.triangles.face)
+        packer, m = self.of.packer, len(self.triangles.face)
+        tools, face = packer.tools, packer.face
         met, unsure = tools.room(m, np.int8), tools.room(1 + m, np.int32)
         tools.clear(unsure, 1)
         common = rows | {"vertex": tools.share(near), "face": face, "met": met, "unsure": unsure}
@@ -190,6 +183,6 @@ class _OnDevice(MeshesInView):
             which = np.sort(tools.read(unsure, count, np.int32, 1))
             sides = tools.upload(np.array(exact(self.triangles, which), np.int8))
             tools.run(kernel, count=count, known=True, which=tools.upload(which), side_of=sides, **common)
-        lists = "lists" not in self.packer.request.keep
+        lists = "lists" not in packer.request.keep
         sight = PolygonSight(tools, near, face, count=m, first=self.first) if lists else None
         return self.polygons(near, tools.read(met, m, np.int8), sight)

@@ -53,7 +53,7 @@ SAMPLE = 16
 ENTRIES, FINER_ENTRIES, LAYERS = 2.25, 4.0, 32
 # What a request may keep that only numpy can. Receivers are kept at any rate: shadow rays may end on all spheres, so
 # that cameras have the lists of lights in common.
-OTHERS = {"lists", "hidden", "unstopped"}
+OTHERS = {"lists", "unstopped"}
 
 
 class SpherePacker:
@@ -133,14 +133,12 @@ class _SeenSpheres:
     def view(self) -> tuple[CameraView, dict[str, Any]] | None:
         """See SpherePacker.view(); None if pixels are so tiny that the kernels' float32 is too coarse."""
         world, packer = self.world, self.packer
-        seen = self._see_from_eye()
-        if seen is None:
+        inside = self._see_from_eye()
+        if inside is None:
             return None
-        inside, there = seen
         view = CameraView.without_lists(world, self.camera, packer.request, self.k)
         self.lights = [*map(Lamp, world.lights, view.arrays["light"])]
         skipped, start = dict(view.skipped), time.perf_counter()
-        skipped["spheres equal to others"] = self.n - there
         self.light = view.arrays["light"]
         light_buffer, writer = self._lists(skipped)
         lists, grid = writer.done()
@@ -164,10 +162,10 @@ class _SeenSpheres:
         count = int(self.tools.read(self.common["unsure"], 1, np.int32)[0])
         return np.sort(self.tools.read(self.common["unsure"], count, np.int32, 1))
 
-    def _see_from_eye(self) -> tuple[bool, int] | None:
+    def _see_from_eye(self) -> bool | None:
         """Makes what depends on the eye alone, and k and the window.
 
-        Returns whether the eye is inside of a sphere or on it, and how many spheres may be seen; None as view().
+        Returns whether the eye is inside of a sphere or on it; None as view().
         """
         # Some spheres nearly always tell which one is the k of all: about the largest coordinate or radius is theirs.
         center = self.spheres.center[self.some] - np.array(self.camera.position)
@@ -184,14 +182,14 @@ class _SeenSpheres:
                 window[f"{name}_range"] = (axis.first, axis.stop)
             part = self._noted("see_from_eye", 5, np.float64, **window)
             most = float(part[:, 0].max())
-        there, self.members, self.entries = (int(total) for total in part[:, 2:].sum(axis=0))
+        self.members, self.entries = (int(total) for total in part[:, 3:].sum(axis=0))
         inside, rows = bool(part[:, 1].max() >= 0), self._unsure_rows()
         if len(rows):
             space = self._few(rows)
             index, hi, lo = (self.tools.upload(values) for values in (rows, space.power, space.power_rest))
             self._run("mend_eye", count=len(rows), index=index, hi=hi, lo=lo)
             inside |= not self.camera.parallel and bool((space.power <= 0).any())
-        return inside, there
+        return inside
 
     def _lists(self, skipped: dict[str, int]) -> tuple[NDArray[np.int32], ListWriter]:
         """The lists of the tiles and of all light buffers. Adds to `skipped` what is in none of them."""

@@ -187,14 +187,9 @@ def kernel_of(device: Device, single: bool, name: str) -> Kernel:
 
     To make one anew takes 2 ms, and a movie of moving spheres needs sixteen in each frame.
     """
-    types = packed_types(single)
+    out = "float" if single else "double"
+    types = {"out2": f"{out}2", "out4": f"{out}4"}
     values: dict[str, object] = {**types, "W": min(device.width, WIDEST), "RUN": 1}
     # The kernels compute in double, whatever precision they pack for.
     options = [*(f"-D{name}={value}" for name, value in values.items()), *opencl.options("double", frozenset())]
     return program(device, options, FILES).kernel(name, parameters_of(source(FILES), types)[name])
-
-
-def packed_types(single: bool) -> dict[str, str]:
-    """The types of the buffers that a program packs, by their names in kernels/pack."""
-    out = "float" if single else "double"
-    return {"out2": f"{out}2", "out4": f"{out}4"}
