@@ -230,8 +230,6 @@ ROWS = {
     **{
         f"meshes: {name}": Row(lambda name=name: [mesh_regimes.scene_of(name, 0, (16, 16), full=True)], is_slow=True)
         for name in mesh_regimes.REGIMES
-        # Three colours of these are up to 0.04 beside the reference where all else is the same: to be explained.
-        if name != "corners an ulp beside rays"
     },
     **{
         f"cylinders: {name}": Row(

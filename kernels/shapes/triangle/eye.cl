@@ -6,7 +6,8 @@
 typedef struct {
     REAL t; /* INFINITY if it does not */
     Shares shares;
-    REAL_MASK unsure; /* whether double cannot tell t; always false in single */
+    REAL_MASK unsure;    /* whether double cannot tell t; always false in single */
+    REAL_MASK has_point; /* whether the point of the shares is off by at most 2^-24 of the way, as in the reference */
 } Crossing;
 
 /* The crossings of the lanes of `wanted`, as far as `real` tells. inside: lanes of which it is known that all three
@@ -27,6 +28,7 @@ static __attribute__((always_inline)) Crossing triangle_meet(const Leaving ray, 
     }
     const REAL_MASK sure_t = (fabs(D) > 0x1p26 * v.D_error) & (fabs(v.den) > 0x1p26 * v.den_error);
     at.unsure = wanted & !misses & !(meets & sure_t);
+    at.has_point = v.E_error * (T.g + T.h) <= 0x1p-24 * (fabs(D) * ray.w1 + fabs(v.den) * ray.reach);
     at.t = (wanted & meets & sure_t) ? t : at.t;
     /* Along parallel rays it is known that the volumes have one sign, and so that of N.w, not which: the triangle may
      * be behind the plane where they start. */
@@ -43,6 +45,7 @@ static __attribute__((always_inline)) void decide_crossing(const Geometry geomet
     const INT number = TRIANGLE_OR_NONE(geometry, index);
     const FineTriangle fine = fine_meeting_of(geometry, ray, number, at->unsure);
     at->t = (at->unsure & fine.hit) ? fine.t.hi : at->t;
+    put_shares(at->unsure & fine.hit & !at->has_point, fine.shares, &at->shares);
 }
 #else
 /* Float tells no ties apart: both triangles at an edge are met, and none is missed. */

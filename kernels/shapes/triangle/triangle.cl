@@ -513,13 +513,13 @@ static REAL first_sign_within(const Pair3 v, const REAL error) {
     return x != 0 ? x : y != 0 ? y : sign_from(v.z.hi, error);
 }
 
-/* The sign of E of the edge between two corners, X and Y, as seen from O in X and Y. Both triangles at an edge compute
- * it from the same end, so they never disagree.
+/* E of the edge between two corners, X and Y, as seen from O in X and Y. Where E is 0, the result is next to nothing,
+ * with the sign of the tie. Both triangles at an edge compute E from the same end, so their signs never disagree.
  *
  * Bounds, u = 2^-53: X' is off by 2^-99 of s, Y - X by u^2, each coordinate of X' x (Y - X) by less than 2^-98 s e,
  * with e the sum of the magnitudes of Y - X, and E by less than 2^-97 s e w1. */
-static __attribute__((noinline)) REAL edge_sign(const Geometry geometry, const FinePath path, const INT number,
-                                                const int from, const int to, const REAL_MASK wanted) {
+static __attribute__((noinline)) REAL edge_volume(const Geometry geometry, const FinePath path, const INT number,
+                                                  const int from, const int to, const REAL_MASK wanted) {
     const Corners corners = corners_at(geometry.vertex, geometry.face, number);
     const Real3 corner[3] = {corners.a, corners.b, corners.c}, x = corner[from], y = corner[to];
     const REAL_MASK flip = (y.x < x.x) | ((y.x == x.x) & ((y.y < x.y) | ((y.y == x.y) & (y.z < x.z))));
@@ -529,8 +529,8 @@ static __attribute__((noinline)) REAL edge_sign(const Geometry geometry, const F
     const Pair E = dot_pairs(path.fine.w, n);
     const REAL size = (size_of_pairs(P) + path.ray.reach) * size_of_pairs(e), n_error = 0x1p-98 * size;
     const REAL E_error = 0x1p-97 * size * path.ray.w1;
-    REAL sign = sign_from(E.hi, E_error);
-    const REAL_MASK tie = wanted & (sign == 0);
+    REAL volume = fabs(E.hi) > E_error ? E.hi : (REAL)0;
+    const REAL_MASK tie = wanted & (volume == 0);
     if (ANY(TO_MASK(tie))) {
         REAL first = first_sign_within(n, n_error);
         const MASK unsure = TO_MASK(tie & path.whole);
@@ -539,9 +539,9 @@ static __attribute__((noinline)) REAL edge_sign(const Geometry geometry, const F
             const REAL whole = TO_REAL(whole_signs(geometry, path, number, from, to, unsure));
             first = TO_REAL_MASK(unsure) ? (flip ? -whole : whole) : first;
         }
-        sign = tie ? first : sign;
+        volume = tie ? 0x1p-1000 * first : volume;
     }
-    return flip ? -sign : sign;
+    return flip ? -volume : volume;
 }
 
 /* The plane of each lane's triangle as seen from O. With u = 2^-53, the N of pairs is off by less than 2^-99 gh, and D
@@ -596,7 +596,8 @@ static FineT fine_t_in(const FinePlane plane, const FinePath path) {
 typedef struct {
     REAL_MASK hit;
     Pair t;
-    REAL side; /* the sign of D */
+    REAL side;     /* the sign of D */
+    Shares shares; /* where the ray meets it */
 } FineTriangle;
 
 static __attribute__((noinline)) FineTriangle fine_triangle(const Geometry geometry, const FinePath path,
@@ -610,11 +611,13 @@ static __attribute__((noinline)) FineTriangle fine_triangle(const Geometry geome
         fine.side = TO_REAL_MASK(unsure) ? whole : fine.side;
     }
     fine.hit = wanted & (fine.side != 0);
-    fine.hit = fine.hit & (fine.side * edge_sign(geometry, path, number, 0, 1, fine.hit) > 0);
-    if (ANY(TO_MASK(fine.hit)))
-        fine.hit = fine.hit & (fine.side * edge_sign(geometry, path, number, 1, 2, fine.hit) > 0);
-    if (ANY(TO_MASK(fine.hit)))
-        fine.hit = fine.hit & (fine.side * edge_sign(geometry, path, number, 2, 0, fine.hit) > 0);
+    REAL volume[3] = {0, 0, 0};
+    for (int k = 0; k < 3 && ANY(TO_MASK(fine.hit)); k++) {
+        volume[k] = edge_volume(geometry, path, number, k, (k + 1) % 3, fine.hit);
+        fine.hit = fine.hit & (fine.side * volume[k] > 0);
+    }
+    /* Of a hit all volumes have one sign, so their sum loses no digits. */
+    fine.shares = (Shares){volume[2], volume[0], (volume[0] + volume[1]) + volume[2]};
     fine.t = fine_t_in(plane, path).t;
     return fine;
 }
