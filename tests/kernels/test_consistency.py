@@ -251,16 +251,25 @@ def test_pictures_are_those_of_the_reference(device: Device, name: str) -> None:
         assert wrong_pixels(scene, image, row.count, row.off) == [], number
 
 
+def in_float32(scene: Scene) -> Scene:
+    """With radii that float32 holds. So a shell that `single` cannot tell from its core has the core's radius."""
+    spheres = scene.spheres.copy()
+    spheres["radius"] = spheres["radius"].astype(np.float32)
+    return replace(scene, spheres=spheres)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["molecule", "some, clipped", "parallel rays", "smooth meshes"])
+@pytest.mark.parametrize("name", ["trees", "molecule", "some, clipped", "parallel rays", "smooth meshes"])
 def test_single_is_close(device: Device, name: str) -> None:
-    """In float32, few pixels at edges are others than in `accurate`."""
+    """In float32, few pixels at edges are others than in `accurate`, and of a shell and its core the first is shown."""
     row = ROWS[name]
     for scene in list(row.scenes())[:4]:
-        exact, rough = (picture(scene, device, precision, keep=row.keep) for precision in ("accurate", "single"))
+        held = in_float32(scene)
+        exact, rough = (picture(held, device, precision, keep=row.keep) for precision in ("accurate", "single"))
         same = exact.id == rough.id
         assert same.mean() > 0.97
         assert (np.abs(exact.color - rough.color).max(axis=2)[same] < 1e-3).mean() > 0.97
+        assert (picture(scene, device, "single", keep=row.keep).id == exact.id).mean() > 0.97
 
 
 @pytest.mark.stress
