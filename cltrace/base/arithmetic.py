@@ -222,7 +222,10 @@ def inverses(maps: Floats) -> Floats:
         if len(block) >= _FEW:
             out[:], sure = _rounded_inverses(block)
         for k in np.flatnonzero(~sure).tolist():
-            out[k] = _rounded_inverse(block[k].tolist())
+            numerators, determinant = whole_inverse(block[k].tolist())
+            # Dividing two integers rounds once.
+            out[k] = [[x / determinant for x in row] for row in numerators] if determinant else np.nan
+    result += 0.0  # makes -0 a 0
     return result
 
 
@@ -233,12 +236,4 @@ def _rounded_inverses(maps: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         rows, determinant = adjugate([[Fine.of(x) for x in row] for row in m])
         numbers = [x / determinant for row in rows for x in row]
     sure = np.all([x.is_rounded for x in numbers], axis=0)
-    return np.stack([x.h for x in numbers], axis=-1).reshape(-1, 3, 3) + 0.0, sure
-
-
-def _rounded_inverse(rows: list[list[float]]) -> Floats:
-    """The exact inverse, each number divided once: dividing two integers rounds once."""
-    numerators, determinant = whole_inverse(rows)
-    if not determinant:
-        return np.full((3, 3), np.nan)
-    return np.array([[x / determinant for x in row] for row in numerators]) + 0.0  # makes -0 a 0
+    return np.stack([x.h for x in numbers], axis=-1).reshape(-1, 3, 3), sure

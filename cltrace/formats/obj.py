@@ -1,8 +1,7 @@
 """Reads an OBJ file into a `Geometry`, or says everything that is wrong with it.
 
 The lines of a block that begin with the same keyword are converted together. Where one of them is not as it should be,
-halves of them are converted, and in the end single lines, whose messages are worded here. Both ways give the same
-numbers.
+halves of them are converted, and in the end single lines, whose messages are worded here.
 
 Vertices (v), texture coordinates (vt), normals (vn) and faces (f) are read; they may come in any order. Free-form
 curves and surfaces are not read.
@@ -36,7 +35,6 @@ BLOCK_BYTES, MAX_LINE = 2**20, 2**22
 CONTROLS = bytes(set(range(32)) - set(b"\t\n\v\f\r"))
 MAX_KEYWORD = 200  # bytes of an unknown keyword in a message
 MAX_DOUBTS = 10_000  # triangles whose area is asked of exact arithmetic
-ONE_BY_ONE = 16  # lines that are read one by one where they cannot be read together
 
 KEYWORDS = (b"v", b"vt", b"vn", b"f")
 READ_OR_IGNORED = {b"", *KEYWORDS, b"o", b"g", b"s", b"usemtl", b"mtllib", b"l", b"p", b"vp"}
@@ -99,7 +97,6 @@ class _ObjReader:
         self._count = [0, 0, 0]  # of vertices, texture coordinates and normals
         self._faces = [_Triangles(np.zeros(0, np.int32), np.zeros((3, 0, 3), np.int32))]
         self._triangles = self._unknown_keywords = 0
-        self._nowhere: list[tuple[int, int, str]] = []  # indices that no file has: line, kind, as written
 
     def _fault(self, line: int, message: str) -> None:
         self.faults.add(line, message)
@@ -163,10 +160,7 @@ class _ObjReader:
         return np.append(values, 0.0)[np.where(k < widths[:, None], first[:, None] + k, len(values))] + 0.0
 
     def _numbers_of_line(self, kind: int, block: _Block, i: int) -> Doubles:
-        """The same of one line, whose faults are told. There is a row in any case, for the others' indices."""
-        found = self._numbers(kind, block, [i])
-        if found is not None:
-            return found
+        """The faults of one line are told. There is a row all the same, for the others' indices."""
         line, words = block.number + i, block.arguments[i].split()
         names = _NAMES[kind].get(len(words))
         if names is None:
@@ -209,7 +203,7 @@ class _ObjReader:
     def _corners_of_line(self, block: _Block, before: Integers, i: int) -> _Triangles | None:
         """The triangles of one face; None if it has faults, which are told."""
         line, words = block.number + i, block.arguments[i].split()
-        said = self.faults.count, len(self._nowhere)
+        said = self.faults.count
         if len(words) < 3:
             self._fault(line, f"face: must have at least 3 corners, got {len(words)}")
         written = np.zeros((1, len(words), 3), np.int64)
@@ -221,7 +215,7 @@ class _ObjReader:
             for kind, index in enumerate(match.groups() if match else ()):
                 if index is not None:
                     written[0, k, kind] = self._index(line, kind, index.decode(), int(before[kind, i]))
-        if said != (self.faults.count, len(self._nowhere)):
+        if said != self.faults.count:
             return None
         for kind in (_VT, _VN):
             if not written[0, :, kind].all() and written[0, :, kind].any():
@@ -230,15 +224,11 @@ class _ObjReader:
         return _placed(written, before[:, i : i + 1].T, np.array([line]))
 
     def _index(self, line: int, kind: int, written: str, before: int) -> int:
-        """An index as a number, where so many come before; 0 if it cannot be one, which is told now or at the end."""
+        """An index as a number, where so many come before; 0 if no file has it, which is told."""
         value = float(written)  # int() refuses very long texts
-        if value == 0 or value > _LARGEST:
-            self._nowhere.append((line, kind, short(written)))
-            self._check_count(line, len(self._nowhere), "faults")
-        elif value < -before:
-            self._fault(line, f"face: {_LABELS[kind]} {short(written)} of {before} so far")
-        else:
+        if value and -before <= value <= _LARGEST:
             return int(value)
+        self._fault(line, f"face: {_LABELS[kind]} {short(written)} of {before} so far")
         return 0
 
     def result(self) -> Obj | None:
@@ -246,8 +236,6 @@ class _ObjReader:
         lines = np.concatenate([some.lines for some in self._faces])
         indices = np.concatenate([some.indices for some in self._faces], axis=1)
         self._faces.clear()
-        for line, kind, text in self._nowhere:
-            self._fault(line, f"face: {_LABELS[kind]} {text} of {self._count[kind]}")
         new_face = np.append(True, lines[1:] != lines[:-1])[: len(lines)]
         for kind in range(3):
             beyond = indices[kind] >= self._count[kind]
@@ -323,17 +311,18 @@ def _numbers_in(text: bytes, dtype: DTypeLike) -> NDArray[Any] | None:
 def _parts(
     which: list[int], together: Callable[[list[int]], Result | None], alone: Callable[[int], Result | None]
 ) -> Iterator[Result]:
-    """What `together` makes of lines, in order: of all, or else of parts, or what `alone` makes of each."""
+    """What `together` makes of lines, in order: of all, or else of parts, or what `alone` makes of one."""
     rest = [which] if which else []
     while rest:
         part = rest.pop()
         result = together(part)
+        if result is None and len(part) > 1:
+            rest += [part[len(part) // 2 :], part[: len(part) // 2]]
+            continue
+        if result is None:
+            result = alone(part[0])
         if result is not None:
             yield result
-        elif len(part) > ONE_BY_ONE:
-            rest += [part[len(part) // 2 :], part[: len(part) // 2]]
-        else:
-            yield from (one for one in map(alone, part) if one is not None)
 
 
 def _placed(written: Integers, before: Integers, lines: Integers) -> _Triangles | None:

@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from cltrace.base.arithmetic import add_quickly, cross, dot, inverses, two_product, whole_inverse
 from cltrace.base.arrays import blockwise
 from cltrace.base.limits import MAX_MESHES, MAX_TRIANGLES, MAX_VERTICES
-from cltrace.scene.colors import Transfer
-from cltrace.scene.materials import Frozen, Material
+from cltrace.scene.colors import Transfer, decoded
+from cltrace.scene.materials import Frozen, Material, Texture, check_texels, linear_texels, records
 from cltrace.scene.mesh_colors import MeshColors
 from cltrace.scene.mesh_sources import Found
 from cltrace.scene.rules import ANY, check_rule, checked, described, indices, is_whole, large_or_numbers, numbers
@@ -315,32 +315,33 @@ def check_size(meshes: Iterable[PlacedMesh]) -> None:
             raise ValueError(f"meshes: must be at most {most} {name} in all, got {count}")
 
 
-def mesh_list(meshes: Iterable[Mesh] | Mesh) -> list[Mesh]:
-    """The meshes of an argument. Raises TypeError, which names the index."""
+def placed_meshes(
+    meshes: Iterable[Mesh] | Mesh, transfer: Transfer, materials: int, first: int
+) -> tuple[tuple[PlacedMesh, ...], NDArray[np.void], tuple[Texture, ...]]:
+    """The meshes of an argument in a scene, numbered from `first` on, with their own MATERIAL records and textures.
+
+    Colours of a mesh are a texture. transfer: how colours are given; materials: how many others there are. Raises
+    TypeError, which names the index, and ValueError.
+    """
     found = [meshes] if isinstance(meshes, Mesh) else meshes
     if not isinstance(found, Iterable):
         raise TypeError(f"meshes: must be a list of cltrace.Mesh, got {described(meshes)}")
-    found = list(found)
-    for i, mesh in enumerate(found):
+    given = list(found)
+    placed, kinds, index = list[PlacedMesh](), list[Material](), dict[tuple[int, int], int]()
+    for i, mesh in enumerate(given):
         if not isinstance(mesh, Mesh):
             raise TypeError(f"meshes[{i}]: must be a cltrace.Mesh, got {described(mesh)}; Mesh.of() makes one")
-    return found
-
-
-def materials_shown(meshes: Iterable[Mesh], transfer: Transfer) -> list[Material]:
-    """The material of each mesh, with a texture of its own colours if it has some; the same object for equal ones.
-
-    transfer: how the colours are given.
-    """
-    made: dict[tuple[int, int], Material] = {}
-    found = []
-    for mesh in meshes:
         key = (id(mesh.material), id(mesh.colors))
-        if key not in made:
-            own = mesh.colors
-            made[key] = mesh.material if own is None else mesh.material.changed(texture=own.texture(transfer))
-        found.append(made[key])
-    return found
+        if key not in index:
+            index[key] = materials + len(kinds)
+            colors = mesh.colors
+            kinds.append(mesh.material.changed(texture=colors.texture(transfer)) if colors else mesh.material)
+        placed.append(mesh.placed.changed(material=index[key], number=first + i))
+    check_size(placed)
+    rows, textures = records(kinds)
+    check_texels(textures)
+    rows["color"] = decoded(rows["color"], transfer)
+    return tuple(placed), rows, tuple(linear_texels(image, transfer) for image in textures)
 
 
 def _matrix(transform: ArrayLike | None) -> NDArray[np.float64]:

@@ -31,12 +31,9 @@ from cltrace.scene.materials import (
     Material,
     Texture,
     check_materials,
-    check_texels,
     checked_textures,
-    linear_texels,
-    records,
 )
-from cltrace.scene.meshes import Mesh, Meshes, PlacedMesh, check_size, materials_shown, mesh_list
+from cltrace.scene.meshes import Mesh, Meshes, PlacedMesh, placed_meshes
 from cltrace.scene.rules import ANY, POSITIVE, Vector, checked, described, records_of
 from cltrace.scene.spheres import (
     SPHERE,
@@ -359,22 +356,12 @@ class Scene(Frozen):
         check_transfer(transfer)
         shade["color"] = decoded(shade["color"], transfer)
 
-        given_meshes = mesh_list(meshes)
-        kinds = materials_shown(given_meshes, transfer)
-        place = {key: count + i for i, key in enumerate(dict.fromkeys(map(id, kinds)))}
-        more, textures = records({id(kind): kind for kind in kinds}.values())
-        check_texels(textures)
-        more["color"] = decoded(more["color"], transfer)
-        pairs = enumerate(zip(given_meshes, kinds, strict=True))
-        placed = tuple(mesh.placed.changed(material=place[id(kind)], number=n + i) for i, (mesh, kind) in pairs)
-        check_size(placed)
-
+        placed, more, textures = placed_meshes(meshes, transfer, count, n)
         columns = Columns(center, radius, material, to_object, shade=shade, count=count, rest=more, follows=ka is None)
-        images = tuple(linear_texels(image, transfer) for image in textures)
         bare = cls(
             camera, (), np.zeros(0, SPHERE), np.zeros(0, MATERIAL), output_file=output_file, transfer=transfer
         ).in_front_of(background)
-        made = bare.with_fields(columns=columns, to_object=maps, meshes=placed, textures=images, scale=scale)
+        made = bare.with_fields(columns=columns, to_object=maps, meshes=placed, textures=textures, scale=scale)
         made = made.lit_by(lights)
         of = {"bonds": bonds, "bond_radius": bond_radius, "bond_colors": bond_colors, "box": box}
         columns, joining = bonds_of(columns, transfer, of)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -61,9 +60,9 @@ def same(a: Geometry, b: Geometry) -> bool:
     return all(getattr(a, name).tobytes() == getattr(b, name).tobytes() for name in FIELDS)
 
 
-def each_alone(which: list[int], together: Any, alone: Callable[[int], Any]) -> Any:
+def each_alone(which: list[int], *how: Any, parts: Any = obj._parts) -> Any:
     """In place of `obj._parts`: reads every line by itself."""
-    return [one for one in map(alone, which) if one is not None]
+    return [one for i in which for one in parts([i], *how)]
 
 
 # --- Valid files
@@ -351,9 +350,9 @@ FAULTS = {
     "face of 2": (TRIANGLE + "f 1 2\n", ["4: face: must have at least 3 corners, got 2"]),
     "no such vertex": (TRIANGLE + "f 1 2 4\n", ["4: face: vertex 4 of 3"]),
     "no such normal": (TRIANGLE + "vn 0 0 1\nf 1//1 2//1 3//2\n", ["5: face: normal 2 of 1"]),
-    "vertex 0": (TRIANGLE + "f 0 1 2\n", ["4: face: vertex 0 of 3"]),
-    "beyond 32 bits": (TRIANGLE + "f 1 2 4294967297\n", ["4: face: vertex 4294967297 of 3"]),
-    "beyond 64 bits": (TRIANGLE + f"f 1 2 {'9' * 99}\n", [f"4: face: vertex {'9' * 37}... of 3"]),
+    "vertex 0": (TRIANGLE + "f 0 1 2\n", ["4: face: vertex 0 of 3 so far"]),
+    "beyond 32 bits": (TRIANGLE + "f 1 2 4294967297\n", ["4: face: vertex 4294967297 of 3 so far"]),
+    "beyond 64 bits": (TRIANGLE + f"f 1 2 {'9' * 99}\n", [f"4: face: vertex {'9' * 37}... of 3 so far"]),
     "far back": (TRIANGLE + "f 1 2 -4\nv 0 0 0\n", ["4: face: vertex -4 of 3 so far"]),
     "no index": (TRIANGLE + "f 1 2 x\n", [f"4: {CORNERS} 'x'"]),
     "a part of a number": (TRIANGLE + "f 1 2 3.0\n", [f"4: {CORNERS} '3.0'"]),
