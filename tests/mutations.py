@@ -69,8 +69,8 @@ MUTATIONS = {
         "tests/kernels/test_hostile.py -k overflow",
     ),
     "rotations turn the other way": Python(
-        "formats.surfaces:_turn",
-        lambda original, tag, degrees: original(tag, -degrees),
+        "formats.surfaces:cos_sin",
+        lambda original, degrees: original(-degrees),
         "tests/formats/test_reader.py -k transforms_fold",
     ),
     "paths lead out of the scene's folder": Python(

@@ -13,7 +13,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from functools import cache, partial
@@ -42,16 +42,11 @@ def aside(work: Callable[[], T]) -> T:
     """
     if not in_main_thread():
         return work()
-    done: Future[T] = Future()
-
-    def run() -> None:
-        try:
-            done.set_result(work())
-        except BaseException as error:
-            done.set_exception(error)
-
-    threading.Thread(target=run).start()
-    return done.result()
+    other = ThreadPoolExecutor(1)
+    try:
+        return other.submit(work).result()
+    finally:
+        other.shutdown(wait=False)
 
 
 @dataclass(eq=False)

@@ -68,15 +68,13 @@ class ElementReader(ABC):
                     for piece in [chunk[begin:end]] if known else chunk[begin:end].splitlines(keepends=True):
                         self._feed(piece, line)
                         line += piece.count(b"\n")
-                    begin = end
-                    if found >= 0:
-                        begin += len(SPHERE_END)
-                        ended = self._feed(SPHERE_END, line)
-                        if ended == "sphere" and self._open[-1].kind is ELEMENTS["surfaces"]:
-                            end = self.take_usual(chunk, begin, line)
-                            breaks = chunk.count(b"\n", begin, end)
-                            self._feed(b"\n" * breaks, line)
-                            begin, line = end, line + breaks
+                    begin = end + len(SPHERE_END)
+                    ended = self._feed(chunk[end:begin], line)
+                    if ended == "sphere" and self._open[-1].kind is ELEMENTS["surfaces"]:
+                        end = self.take_usual(chunk, begin, line)
+                        breaks = chunk.count(b"\n", begin, end)
+                        self._feed(b"\n" * breaks, line)
+                        begin, line = end, line + breaks
             with suppress(etree.XMLSyntaxError):
                 self._parser.close()
             self._take_events(line)

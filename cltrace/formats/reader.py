@@ -161,10 +161,11 @@ class _SceneReader(ElementReader):
 
     def _check_pairs(self) -> None:
         """Complains about more pairs of a light and a surface than allowed."""
-        triangles, in_files = self._meshes.triangles()
-        if triangles == in_files and self._members <= FEW:
+        if not self._meshes.again and self._members <= FEW:
             return
-        surfaces = triangles + sum(len(shape.numbers) for shape in self._shapes.values() if shape is not self._meshes)
+        surfaces = self._meshes.triangles + sum(
+            len(shape.numbers) for shape in self._shapes.values() if shape is not self._meshes
+        )
         most = MAX_PAIRS * max(self.files.size, PAIRS_BYTES) // PAIRS_BYTES
         if self._members * surfaces > most:
             self.faults.add(

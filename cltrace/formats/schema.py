@@ -233,8 +233,7 @@ _RGB = dict.fromkeys("rgb", _not_negative)
 _XYZ = dict.fromkeys("xyz", _any)
 _ANGLE = {"theta": _any}
 _MEMBERS = _whole(1, MAX_LIGHTS, "lights")  # how many lights a soft light stands for
-MATERIALS = ("material_solid", "material_textured")
-_MATERIAL = "|".join(MATERIALS)
+_MATERIAL = "material_solid|material_textured"
 _FINISH = ("phong", "reflectance", "transmittance", "refraction")
 
 ELEMENTS = {

@@ -46,7 +46,6 @@ MAX_REACH = 1e6
 Numbers = NDArray[np.float64]
 Indices = NDArray[np.int32]
 Steps = Sequence[Element]
-Rows = Sequence[Sequence[float]]
 
 
 class ShapeReader(ABC):
@@ -228,6 +227,7 @@ class MeshReader(ShapeReader):
     def __init__(self, file: ElementReader, instances: int) -> None:
         super().__init__(file)
         self._instances = instances
+        self.triangles = self.again = 0  # of all meshes, and of those whose files are named again
         self._meshes: list[_Mesh] = []
         self._placed: list[PlacedMesh] = []
 
@@ -251,21 +251,21 @@ class MeshReader(ShapeReader):
         faults, files = self.file.faults, self.file.files.meshes
         self.file.files.read_meshes(faults)
         contents = [obj.geometry for obj in files.found.values()]
-        triangles = vertices = again = 0
-        seen = set[int]()
+        vertices, seen = 0, set[int]()
         for mesh, number, line in zip(self._meshes, self.numbers, self.lines, strict=True):
             file = files.index[mesh.file]
             if file is None:
                 continue
             geometry = contents[file]
-            triangles, vertices = triangles + len(geometry.faces), vertices + len(geometry.vertices)
-            if triangles > MAX_TRIANGLES or vertices > MAX_VERTICES:
+            self.triangles += len(geometry.faces)
+            vertices += len(geometry.vertices)
+            if self.triangles > MAX_TRIANGLES or vertices > MAX_VERTICES:
                 most = f"{MAX_TRIANGLES} triangles and {MAX_VERTICES} vertices"
                 faults.add(line, f"surfaces: must be at most {most} of meshes")
                 break
-            again += len(geometry.faces) if file in seen else 0
+            self.again += len(geometry.faces) if file in seen else 0
             seen.add(file)
-            if again > self._instances:
+            if self.again > self._instances:
                 most = f"at most {self._instances} triangles of files that are named again"
                 faults.add(line, f"surfaces: must have {most}{hint('instances')}")
                 break
@@ -288,11 +288,6 @@ class MeshReader(ShapeReader):
         contents = [MeshFile(name, obj.lines) for name, obj in files.found.items()]
         index = ((number, files.index[mesh.file]) for number, mesh in zip(self.numbers, self._meshes, strict=True))
         return {number: contents[k] for number, k in index if k is not None}
-
-    def triangles(self) -> tuple[int, int]:
-        """How many there are, and how many of them the files hold."""
-        files = self.file.files.meshes.found.values()
-        return sum(len(mesh.geometry.faces) for mesh in self._placed), sum(len(obj.geometry.faces) for obj in files)
 
     def notes(self) -> Iterator[str]:
         """The warnings of their files."""
@@ -343,7 +338,7 @@ _PLANE = {"rotateX": (1, 2), "rotateY": (2, 0), "rotateZ": (0, 1)}
 
 def transformed(
     center: Vector, radius: float, steps: Steps, turns: bool = False
-) -> tuple[list[float], float, tuple[Rows, Rows] | None]:
+) -> tuple[list[float], float, tuple[list[list[float]], list[tuple[float, ...]]] | None]:
     """Centre and radius in the world, in scene units, after the steps, of which the last listed acts first.
 
     Of an ellipsoid, the radius is the one before the steps, and the third are its linear map to the world and that from
@@ -368,7 +363,9 @@ def transformed(
     if alike and not turns:
         return p, scaled, None
     linear = _product(steps)
-    if not turns or _upright(linear):
+    scale = linear[0][0]
+    upright = scale > 0 and np.array_equal(linear, scale * np.eye(3))
+    if not turns or upright:
         scale = float(uniform_scales(np.array([linear]))[0])
         if alike or not math.isnan(scale):
             return p, scaled if alike else radius * scale, None
@@ -379,12 +376,6 @@ def to_world(steps: Steps) -> list[list[float]]:
     """The rows of the affine map of all steps to the world, (3, 4); its numbers are products and sums of doubles."""
     origin, _, _ = transformed((0.0, 0.0, 0.0), 1.0, steps)
     return [[*row, place + 0.0] for row, place in zip(_product(steps), origin, strict=True)]  # makes -0 a 0
-
-
-def _upright(rows: Rows) -> bool:
-    """Whether a linear map only scales, by the same in all directions."""
-    scale = rows[0][0]
-    return scale > 0 and all(x == (scale if i == j else 0) for i, row in enumerate(rows) for j, x in enumerate(row))
 
 
 def _product(steps: Steps, inverse: bool = False) -> list[list[float]]:

@@ -30,6 +30,7 @@ VIEWS: dict[str, Vector] = {
 }
 
 
+@dataclass(frozen=True, init=False)
 class Pose:
     """What every camera has: where it is in the world, and how it is turned. The fields are those of Camera."""
 
@@ -95,12 +96,7 @@ class Camera(Pose):
     Vectors are any three numbers: a tuple, a list, an array of numpy. Raises ValueError, which names the argument.
     """
 
-    position: Vector
-    lookat: Vector
-    up: Vector
     horizontal_fov: float
-    resolution: tuple[int, int]
-    max_bounces: int
     square_pixels: bool
 
     def __init__(
@@ -204,12 +200,7 @@ class Orthographic(Pose):
     Vectors are any three numbers: a tuple, a list, an array of numpy. Raises ValueError, which names the argument.
     """
 
-    position: Vector
-    lookat: Vector
-    up: Vector
     height: float
-    resolution: tuple[int, int]
-    max_bounces: int
     parallel: ClassVar[bool] = True
 
     def __init__(

@@ -107,8 +107,7 @@ class Bonds(Frozen):
         out["radius"], out["material"] = self.radius[:, None], material
         out["start"], out["end"] = np.stack([a, b], axis=1), np.stack([b, a], axis=1)
         middle = a / 2 + (b + shift) / 2
-        out["end"][split, 0] = middle[split]
-        out["end"][split, 1] = middle[split]
+        out["end"][split] = middle[split, None]
         # Across the boundary, the second half leads to where the first one's other end is seen from there.
         out["end"][across, 1] = (b / 2 + (a - shift) / 2)[across]
         out["start"][:, 1], out["end"][:, 1] = out["end"][:, 1].copy(), out["start"][:, 1].copy()
