@@ -62,11 +62,9 @@ class Clipping:
 
     def arrays(self, real: np.dtype[Any], exponent: int | None, paths: Paths) -> Arrays:
         """The kernel's buffers by name. exponent: of the float buffers, where `real` is float; else None."""
-        place: NDArray[Any] = self.point
-        if exponent is not None:
-            place = np.ldexp(place - paths.middle, exponent)
-        planes = np.zeros((len(place), 2, 4), real)
-        planes[:, 0, :3], planes[:, 0, 3], planes[:, 1, :3] = place, self.material, self.normal
+        planes = np.zeros((len(self.point), 2, 4), real)
+        planes[:, 0, :3], planes[:, 0, 3] = paths.moved(self.point, exponent), self.material
+        planes[:, 1, :3] = self.normal
         return {"clip": planes.reshape(-1, 4), "solid_of": self.solid_of}
 
     def values(self) -> dict[str, Any]:

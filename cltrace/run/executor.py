@@ -174,10 +174,8 @@ class BuiltKernel:
     def of(cls, plan: Plan, device: Device, width: int, queue: Any) -> BuiltKernel:
         """Raises BuildError."""
         features, precision = plan.features, plan.request.precision
-        options = [
-            *(f"-D{flag}" for flag in (f"W={width}", f"RUN={PACKETS[width].run}", *device.flags)),
-            *plan.options(),
-        ]
+        flags = (f"W={width}", f"RUN={PACKETS[width].run}", *device.flags)
+        options = [*(f"-D{flag}" for flag in flags), *plan.options()]
         in_stages = is_in_stages(width, precision)
         if in_stages:
             features, options = features | {BOTH}, [*options, f"-D{BOTH}"]
@@ -304,16 +302,12 @@ class Executor:
             for name in self.plan.request.outputs
         }
         # On a CPU the kernel writes straight into the host's arrays.
-        write, use = cl.mem_flags.WRITE_ONLY, cl.mem_flags.USE_HOST_PTR
-        buffers = {
-            n: cl.Buffer(self.queue.context, write | use, hostbuf=a)
-            if self.device.kind == "cpu"
-            else cl.Buffer(self.queue.context, write, a.nbytes)
-            for n, a in arrays.items()
-        }
+        cpu, context, flags = self.device.kind == "cpu", self.queue.context, cl.mem_flags
+        use = flags.WRITE_ONLY | (flags.USE_HOST_PTR if cpu else 0)
+        buffers = {n: cl.Buffer(context, use, a.nbytes, hostbuf=a if cpu else None) for n, a in arrays.items()}
         if "WITH_PASSES" in self.plan.features:
             size = height * width * dtype_of("shade4", precision).itemsize
-            buffers["so_far"] = cl.Buffer(self.queue.context, cl.mem_flags.READ_WRITE, size)
+            buffers["so_far"] = cl.Buffer(context, flags.READ_WRITE, size)
         return FrameBuffers(self.room, width=width, height=height, arrays=arrays, buffers=buffers)
 
     def draw(
@@ -335,17 +329,11 @@ class Executor:
         """This one, and those that follow it, each of which is made when it is asked for, and not kept."""
         yield self
         for make in self.further:
-            made = make()
-            buffers = self.buffers | _uploaded(made, self.device, self.queue, self)
-            yield replace(
-                self,
-                plan=made[0],
-                buffers=buffers,
-                values=self.built.values(made[0]),
-                started=True,
-                pace=Pace(self.pace.rows),
-            )
-            del made, buffers
+            plan, _ = made = make()
+            buffers, pace = self.buffers | _uploaded(made, self.device, self.queue, self), Pace(self.pace.rows)
+            values = self.built.values(plan)
+            yield replace(self, plan=plan, buffers=buffers, values=values, started=True, pace=pace)
+            del plan, made, buffers
 
     def _strips(self, frame: FrameBuffers) -> Iterator[range]:
         """The rows of a frame in strips, each as large as the time that the last one took allows."""

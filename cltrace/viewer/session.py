@@ -89,11 +89,8 @@ PACE, SMALLEST = 1 / 100, 4
 NOTHING = -2
 # Cameras that can be gone back to.
 UNDO = 1000
-MOVES: dict[str, Callable[[AnyCamera, float, float], AnyCamera]] = {
-    "orbit": cameras.orbit,
-    "pan": cameras.pan,
-    "zoom": cameras.zoom,
-}
+Drag = Callable[[AnyCamera, float, float], AnyCamera]
+DRAGS: dict[str, Drag] = {"orbit": cameras.orbit, "pan": cameras.pan, "zoom": cameras.zoom}
 
 
 class Session:
@@ -121,7 +118,7 @@ class Session:
         try:
             match event.kind:
                 case "orbit" | "pan" | "zoom":
-                    camera = MOVES[event.kind](camera, event.x, event.y)
+                    camera = DRAGS[event.kind](camera, event.x, event.y)
                 case "fit":
                     camera = cameras.fit(self._scene.seen_by(camera))
                 case "parallel":

@@ -90,7 +90,7 @@ CASES = {
 def mesh(corners: Floats, first: int = 0) -> Faces:
     """corners: (m, 3, 3), of which equal ones are one vertex."""
     vertex, face = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-    return Faces(vertex, face.reshape(-1, 3).astype(np.int32), first)
+    return Faces(vertex, face.reshape(-1, 3).astype(np.int32), first, vertex)
 
 
 def soup(n: int, size: float, seed: int = 21) -> Floats:
@@ -209,7 +209,7 @@ def test_everything_is_in_the_tree_once(scene: tuple[Balls, Faces]) -> None:
 
 def test_members_alone_are_entered() -> None:
     scene, member = CASES["1000"], np.flatnonzero(rng(10).random(1000) < 0.3).astype(np.int32)
-    index = build_tree(scene._replace(member=member)).block["index"]
+    index = build_tree(scene._replace(member=member), NO_FACES).block["index"]
     assert sorted(index[index >= 0].tolist()) == member.tolist()
 
 
@@ -234,7 +234,7 @@ def test_boxes_hold_what_is_below_them(scene: tuple[Balls, Faces]) -> None:
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES)
 def test_blocks_hold_the_surfaces(case: Balls) -> None:
     """Between outer and inner, as float32 numbers and wider by what was asked for."""
-    block = build_tree(case).block
+    block = build_tree(case, NO_FACES).block
     index = block["index"][block["index"] >= 0]
     row = {name: block[name][block["index"] >= 0] for name in ("x", "y", "z", "outer", "inner")}
     for j, axis in enumerate("xyz"):
@@ -281,7 +281,7 @@ def levels(n: int) -> int:
 def test_large_spheres_are_apart_from_small_ones() -> None:
     """Else the boxes above a large one would all be as large, and a ray would look at many small ones near those."""
     scene = CASES["ground"]
-    tree = build_tree(scene)
+    tree = build_tree(scene, NO_FACES)
     huge = len(scene.outer) - 1
     index = tree.block["index"][(tree.block["index"] == huge).any(axis=1)]
     assert index[index >= 0].tolist() == [huge]
@@ -348,7 +348,7 @@ def test_a_ray_gets_to_what_it_meets(scene: tuple[Balls, Faces]) -> None:
 
 
 def test_a_ray_is_spared_most_of_the_tree() -> None:
-    tree = build_tree(CASES["5000"])
+    tree = build_tree(CASES["5000"], NO_FACES)
     counts = [len(reached(tree, origin, d, t)) for _, origin, d, t in aimed(CASES["5000"], NO_FACES, 200)]
     assert np.mean(counts) < 66  # what was measured and 3 % more
 
@@ -359,7 +359,6 @@ def test_corners_that_rounding_makes_one() -> None:
     vertex = np.array([(0, 0, 0), (1e-9, 0, 0), (0, 1e-9, 0), *(place + np.eye(3)), (5, 5, 5), (5, 5, 5), (6, 5, 5)])
     face = np.arange(9, dtype=np.int32).reshape(3, 3)
     paths = Paths.of(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, bool), vertex, face)
-    assert paths.tree is not None
     # The last one has two corners in one place, and is in no patch.
     assert sorted(paths.tree.patch["index"][paths.tree.patch["index"] >= 0].tolist()) == [0, 1]
     slack = paths.tree.patch["slack"][paths.tree.patch["index"] == 0]

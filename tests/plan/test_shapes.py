@@ -57,14 +57,10 @@ class Balls(ShapePacking):
         return {"ball": np.zeros((MORE, 4))}
 
     def in_view(self, camera: Any, first: int) -> BallsInView:
-        return BallsInView(camera, first)
+        return BallsInView(self, camera, first)
 
 
-@dataclass
 class BallsInView(InView):
-    camera: Any
-    first: int
-
     @cached_property
     def space(self) -> CameraSpace:
         return CameraSpace.of(self.camera, CENTER[-MORE:], RADIUS[-MORE:], None, self.first)

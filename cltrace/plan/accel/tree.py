@@ -73,13 +73,13 @@ class Faces(NamedTuple):
     """vertex: (v, 3) float64, of a size about 1; face: (m, 3), indices of three vertices each.
 
     first: the index of the first triangle as a primitive; those of the others follow. exact: (v, 3), the vertices
-    before they were moved and rounded, which may have made two of them one; None if nothing was rounded.
+    before they were moved and rounded, which may have made two of them one.
     """
 
     vertex: Array
     face: Ints
     first: int
-    exact: Array | None = None
+    exact: Array
 
 
 @dataclass(frozen=True)
@@ -108,9 +108,9 @@ class _Leaves(NamedTuple):
     counts: list[int]
 
 
-def build_tree(balls: Balls, triangles: Faces | None = None) -> BoxTree:
+def build_tree(balls: Balls, triangles: Faces) -> BoxTree:
     """The tree over surfaces and triangles."""
-    both = triangles is not None and len(triangles.face) > 0 and len(balls.center) > 0
+    both = len(triangles.face) > 0 and len(balls.center) > 0
     trees = WIDTH // 2 if both else WIDTH
     blocks, patches = _blocks_of(balls, trees), _patches_of(triangles, trees)
     nodes, first = [], 0
@@ -138,10 +138,8 @@ def _blocks_of(balls: Balls, trees: int) -> _Leaves:
     return _Leaves(*_blocks(balls, index), counts)
 
 
-def _patches_of(triangles: Faces | None, trees: int) -> _Leaves:
+def _patches_of(triangles: Faces, trees: int) -> _Leaves:
     """The patches of all triangles with three corners, in so many trees at most."""
-    if triangles is None:
-        return _Leaves(np.empty(0, PATCH_TYPE), np.empty((3, 2, 0), np.float32), [])
     columns = np.ascontiguousarray(triangles.vertex.T)
     n = len(triangles.face)
     boxes, keys, flat = np.empty((3, 2, n), np.float32), np.empty((4, n), np.float32), np.zeros(n, bool)
@@ -160,10 +158,9 @@ def _patches_of(triangles: Faces | None, trees: int) -> _Leaves:
         keys[:3, rows], keys[3, rows] = (low + high) / 2, (high - low).max(axis=0)
 
     blockwise(n, enclose, CHUNK)
-    if triangles.exact is not None:
-        some = np.flatnonzero(flat)
-        a, b, c = (triangles.exact[triangles.face[some, k]] for k in range(3))
-        flat[some] = (a == b).all(axis=1) | (b == c).all(axis=1) | (c == a).all(axis=1)
+    some = np.flatnonzero(flat)
+    a, b, c = (triangles.exact[triangles.face[some, k]] for k in range(3))
+    flat[some] = (a == b).all(axis=1) | (b == c).all(axis=1) | (c == a).all(axis=1)
     member = np.flatnonzero(~flat).astype(np.int32) if flat.any() else None
     if member is not None:
         boxes, keys = boxes.take(member, axis=2), keys.take(member, axis=1)
@@ -499,19 +496,19 @@ class Paths:
 
     def values(self, camera: AnyCamera, exponent: int | None) -> dict[str, Any]:
         """The kernel's arguments by name. exponent: of the float buffers, where `real` is float; else None."""
-        middle, eye = (*self.middle.tolist(), math.ldexp(1.0, self.exponent)), np.array(camera.position)
+        middle, eye = (
+            (*self.middle.tolist(), math.ldexp(1.0, self.exponent)),
+            self.moved(np.array(camera.position), exponent),
+        )
         if exponent is not None:
             # What is too small for float32, seen from so far, is a point there in any unit.
             middle = (0.0, 0.0, 0.0, math.ldexp(1.0, min(self.exponent - exponent, 127)))
-            eye = np.ldexp(eye - self.middle, exponent)
         counts = {"blocks": len(self.tree.block), "patches": len(self.tree.patch)}
         return {"middle": middle, "widen": self.widen, **counts, "eye": (*eye.tolist(), 0.0)}
 
-    def places(self, center: Array, radius: Array, exponent: int | None) -> Array:
-        """(n, 4): abi's `place`. exponent: as in values()."""
-        if exponent is not None:
-            center, radius = np.ldexp(center - self.middle, exponent), np.ldexp(radius, exponent)
-        return np.concatenate([center, radius[:, None]], axis=1)
+    def moved(self, points: Array, exponent: int | None) -> Array:
+        """Points of the world as the kernel has them, in single from the scene's middle. exponent: as in values()."""
+        return points if exponent is None else np.ldexp(points - self.middle, exponent)
 
 
 # Where no ray may start anywhere.

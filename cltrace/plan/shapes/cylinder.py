@@ -80,7 +80,7 @@ class CylinderPacking(ShapePacking):
         else:
             axis = np.ldexp(self.end - self.start, exponent)
             length = np.sqrt((axis * axis).sum(axis=1))
-            packed[:, 0, :3] = np.ldexp(self.start - paths.middle, exponent)
+            packed[:, 0, :3] = paths.moved(self.start, exponent)
             packed[:, 0, 3], packed[:, 1, 3] = np.ldexp(self.radius, exponent), length
             packed[:, 1, :3] = axis / np.where(length > 0, length, 1)[:, None]
         return {"cylinder": packed.reshape(-1, 4)}
@@ -116,13 +116,10 @@ def _exact_side(start: Array, end: Array, radius: float, point: Array) -> int:
     return (beyond > 0) - (beyond < 0)
 
 
-@dataclass
 class CylindersInView(InView):
-    """Cylinders as a camera sees them: InView. first: the index of the first one as a surface."""
+    """Cylinders as a camera sees them."""
 
-    cylinders: CylinderPacking
-    camera: AnyCamera
-    first: int
+    shape: CylinderPacking
 
     @cached_property
     def near(self) -> tuple[Array, Array]:
@@ -130,10 +127,10 @@ class CylindersInView(InView):
         return self.seen_from(np.array(self.camera.position))
 
     def lengths(self) -> Sequence[Array]:
-        return (*self.near, self.cylinders.radius)
+        return (*self.near, self.shape.radius)
 
     def see(self, k: int, lights: list[Lamp], request: Request) -> Sights:
-        sides = np.ones((len(lights), len(self.cylinders.radius)), np.int8)
+        sides = np.ones((len(lights), len(self.shape.radius)), np.int8)
         seen = [self.from_light(light, k, side) for light, side in zip(lights, sides, strict=True)]
         eye = self.capsules(self.near, k)
         lit: Arrays = {"cylinder_side": sides.reshape(-1)}
@@ -143,26 +140,26 @@ class CylindersInView(InView):
     def _seen(self, k: int) -> NDArray[np.float32]:
         """The kernel's buffer of that name."""
         basis = np.array(self.camera.basis())
-        axis = np.stack(along(basis, self.cylinders.end - self.cylinders.start), axis=1)
+        axis = np.stack(along(basis, self.shape.end - self.shape.start), axis=1)
         length = np.sqrt((axis * axis).sum(axis=1))
         middle, half = self.near[0] + axis / 2, length / 2
         seen = np.empty((len(length), 2, 4), np.float32)
         seen[:, 0, :3], seen[:, 0, 3] = np.ldexp(middle, k), np.ldexp(half, k)
-        seen[:, 1, :3], seen[:, 1, 3] = axis / length[:, None], np.ldexp(self.cylinders.radius, k)
+        seen[:, 1, :3], seen[:, 1, 3] = axis / length[:, None], np.ldexp(self.shape.radius, k)
         return seen.reshape(-1, 4)
 
     def from_light(self, light: Lamp, k: int, side: NDArray[np.int8]) -> Capsules:
         """What a light sees. side: (n,), gets on which side of each one a light at a point is; others are outside."""
         if not light.at_point:
             return self.capsules(self.near, k)
-        side[:] = self.cylinders.sides(light.place)
+        side[:] = self.shape.sides(light.place)
         return self.capsules(self.seen_from(light.place), k)
 
     def capsules(self, ends: tuple[Array, Array], k: int) -> Capsules:
         start, end = (np.ldexp(p, k) for p in ends)
-        return Capsules(start, end, radius=np.ldexp(self.cylinders.radius, k), first=self.first)
+        return Capsules(start, end, radius=np.ldexp(self.shape.radius, k), first=self.first)
 
     def seen_from(self, point: Array) -> tuple[Array, Array]:
         """(n, 3) each: from a point of the world to the ends' middles, along the camera's axes; see `near`."""
-        basis, of = np.array(self.camera.basis()), self.cylinders
+        basis, of = np.array(self.camera.basis()), self.shape
         return rotated(basis, of.start, point), rotated(basis, of.end, point)

@@ -376,26 +376,18 @@ class MeshPacking(ShapePacking):
         return {"first_triangle": first, "triangles": len(self.triangles.face)}
 
     def packed(self, real: np.dtype[Any], exponent: int | None, basis: Array, paths: Paths) -> Arrays:
-        vertex = self.triangles.vertex
-        if exponent is not None:
-            vertex = np.ldexp(vertex - paths.middle, exponent)
-        face, number = self.triangles.face, self.triangles.number
-        return {"vertex": widened(vertex, 4, real), "face": face, "number_of": number} | self.attributes
+        vertex = widened(paths.moved(self.triangles.vertex, exponent), 4, real)
+        return {"vertex": vertex, "face": self.triangles.face, "number_of": self.triangles.number} | self.attributes
 
     def in_view(self, camera: AnyCamera, first: int) -> MeshesInView:
-        return MeshesInView(self.triangles, camera, first)
+        return MeshesInView(self, camera, first)
 
 
 @dataclass
 class MeshesInView(InView):
-    """Triangles as a camera sees them: InView.
+    """Triangles as a camera sees them. arrays, lit: of Sights."""
 
-    first: the index of the first one as a surface; arrays, lit: of Sights.
-    """
-
-    triangles: PackedTriangles
-    camera: AnyCamera
-    first: int
+    shape: MeshPacking
     arrays: Arrays = field(default_factory=dict)
     lit: Arrays = field(default_factory=dict)
 
@@ -416,7 +408,7 @@ class MeshesInView(InView):
 
     def rows(self, lights: int) -> Iterable[Any]:
         """Where facets go that are seen from the eye, and from each light."""
-        facets = np.empty((1 + lights, 3 * len(self.triangles.face), 4), np.float32)
+        facets = np.empty((1 + lights, 3 * len(self.shape.triangles.face), 4), np.float32)
         self.arrays["facet"], self.lit["light_facet"] = facets[0], facets[1:].reshape(-1, 4)
         return facets
 
@@ -424,24 +416,24 @@ class MeshesInView(InView):
         """What the eye sees. out: (3 m, 4), abi's `facet`."""
         camera, (wide, high) = self.camera, self.camera.image_plane()
         if not camera.parallel:
-            side = from_point(self.near, self.triangles, np.array(camera.position), out, (wide, high))
+            side = from_point(self.near, self.shape.triangles, np.array(camera.position), out, (wide, high))
         else:
             plane, back = (math.ldexp(wide, k), math.ldexp(high, k)), np.array(camera.basis()[2])
-            side = along_light(self.near, self.triangles, np.eye(3), towards=back, out=out, plane=plane)
+            side = along_light(self.near, self.shape.triangles, np.eye(3), towards=back, out=out, plane=plane)
         return self.polygons(self.near, side)
 
     def from_light(self, light: Lamp, k: int, out: Floats) -> Polygons:
         """What a light sees. out: as of from_eye()."""
         if not light.at_point:
-            side = along_light(self.near, self.triangles, light.axes, towards=light.towards, out=out)
+            side = along_light(self.near, self.shape.triangles, light.axes, towards=light.towards, out=out)
             return self.polygons(self.near, side)
         place = self.seen_from(light.place, 2.0**k)
-        return self.polygons(place, from_point(place, self.triangles, light.place, out))
+        return self.polygons(place, from_point(place, self.shape.triangles, light.place, out))
 
     def polygons(self, vertex: Array, side: Sides, sight: Any = None) -> Polygons:
         """See Polygons."""
-        return Polygons(vertex, self.triangles.face[:, :3], self.first, side, sight)
+        return Polygons(vertex, self.shape.triangles.face[:, :3], self.first, side, sight)
 
     def seen_from(self, point: Array, unit: float = 1.0) -> Array:
         """(v, 3): from a point of the world to the corners, along the camera's axes, in 1 / unit scene units."""
-        return rotated(np.array(self.camera.basis()), self.triangles.vertex, point, unit)
+        return rotated(np.array(self.camera.basis()), self.shape.triangles.vertex, point, unit)

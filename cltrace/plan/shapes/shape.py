@@ -39,8 +39,13 @@ class Sights(NamedTuple):
     lights: list[Silhouettes]
 
 
+@dataclass
 class InView(ABC):
-    """The surfaces of one shape in camera space."""
+    """The surfaces of one shape as a camera sees them. first: the index of the first one as a surface."""
+
+    shape: ShapePacking
+    camera: AnyCamera
+    first: int
 
     @abstractmethod
     def lengths(self) -> Sequence[Array]:

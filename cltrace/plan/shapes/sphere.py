@@ -281,7 +281,9 @@ class SpherePacking(ShapePacking):
     def packed(self, real: np.dtype[Any], exponent: int | None, basis: Array, paths: Paths) -> Arrays:
         arrays: Arrays = {"place": np.zeros((0, 4), real), "map_of": np.zeros(0, np.int32)}
         if paths is not NO_PATHS:
-            arrays["place"] = paths.places(self.center, self.radius, exponent).astype(real)
+            radius = self.radius if exponent is None else np.ldexp(self.radius, exponent)
+            center = paths.moved(self.center, exponent)
+            arrays["place"] = np.concatenate([center, radius[:, None]], axis=1).astype(real)
         if self.maps:
             return arrays | {"map_of": self.maps.of_sphere, "map": self.maps.packed(basis, real)}
         return arrays | {"map": np.zeros(0, dtype_of("Map", "single" if real.itemsize == 4 else "accurate"))}
@@ -313,18 +315,15 @@ def _places(
     return row, far, by_place, center, gathered(columns.radius, row, (n,), np.float64)
 
 
-@dataclass
 class SpheresInView(InView):
-    """Spheres as a camera sees them: InView. first: the index of the first one as a surface."""
+    """Spheres as a camera sees them."""
 
-    spheres: SpherePacking
-    camera: AnyCamera
-    first: int
+    shape: SpherePacking
 
     @cached_property
     def space(self) -> CameraSpace:
         """In scene units."""
-        spheres = self.spheres
+        spheres = self.shape
         stretched = spheres.maps.of_sphere > 0 if spheres.maps else None
         return CameraSpace.of(self.camera, spheres.center, spheres.reach, stretched, self.first)
 
@@ -332,7 +331,7 @@ class SpheresInView(InView):
         return self.space.center, self.space.radius
 
     def see(self, k: int, lights: list[Lamp], request: Request) -> Sights:
-        small, n, m = self.space.times_two_to(k), len(self.spheres.radius), len(lights)
+        small, n, m = self.space.times_two_to(k), len(self.shape.radius), len(lights)
         eye = small.seen_along_view() if self.camera.parallel else small.seen_from_eye()
         filters, sides = np.zeros((m, n, 4), np.float32), np.ones((m, n), np.int8)
         seen: list[Silhouettes] = [
@@ -355,8 +354,8 @@ class SpheresInView(InView):
         in_world, side[:] = small.seen_from(light.place * unit)
         seen = replace(in_world, center=rotated(np.array(self.camera.basis()), in_world.center))
         filter_[:, :3], filter_[:, 3] = -seen.center, filter_constant(in_world)
-        if maps := self.spheres.maps:
-            exact = maps.sides(self.spheres.center, self.spheres.radius, light.place)
+        if maps := self.shape.maps:
+            exact = maps.sides(self.shape.center, self.shape.radius, light.place)
             side[:] = np.where(maps.of_sphere > 0, exact, side)
         return seen
 
@@ -369,7 +368,7 @@ class SpheresInView(InView):
             eye_filter[:, 3] = 0
         else:
             eye_filter[:, :3], eye_filter[:, 3] = small.center, filter_constant(small.seen_from_eye())
-        world, space = self.spheres, self.space
+        world, space = self.shape, self.space
         if real.itemsize == 4:
             # The reciprocal of a radius leaves float32's range only where the radius all but vanishes there: such a
             # sphere is never hit.

@@ -84,7 +84,7 @@ class _SeenMeshes:
     def in_view(self, shape: ShapePacking, camera: AnyCamera, first: int) -> InView:
         """What Shape.in_view() makes, but that buffers of triangles will be in `made`."""
         if isinstance(shape, MeshPacking) and len(shape.number) and not camera.parallel:
-            return _OnDevice(shape.triangles, camera, first, of=self)
+            return _OnDevice(shape, camera, first, of=self)
         return shape.in_view(camera, first)
 
     def known(self, k: int) -> KeptLights | None:
@@ -141,7 +141,7 @@ class _OnDevice(MeshesInView):
 
     def rows(self, lights: int) -> Iterable[int]:
         """The first triangle's index in a buffer, where each one has three rows."""
-        m, tools, kept, made = len(self.triangles.face), self.of.packer.tools, self.of.kept, self.of.made
+        m, tools, kept, made = len(self.shape.triangles.face), self.of.packer.tools, self.of.kept, self.of.made
         made["facet"], first = tools.room(12 * m, np.float32), self.of.count if kept else 0
         if lights:
             made["light_facet"] = tools.room(12 * m * (first + lights), np.float32, again=True)
@@ -171,7 +171,7 @@ class _OnDevice(MeshesInView):
         kernel: its name; near: (v, 3), the corners from there along the camera's axes; exact: what decides which sides
         of some of the triangles are seen where the kernel is unsure; rows: what the kernel is given besides.
         """
-        packer, m = self.of.packer, len(self.triangles.face)
+        packer, m = self.of.packer, len(self.shape.triangles.face)
         tools, face = packer.tools, packer.face
         met, unsure = tools.room(m, np.int8), tools.room(1 + m, np.int32)
         tools.clear(unsure, 1)
@@ -181,7 +181,7 @@ class _OnDevice(MeshesInView):
         count = int(tools.read(unsure, 1, np.int32)[0])
         if count:
             which = np.sort(tools.read(unsure, count, np.int32, 1))
-            sides = tools.upload(np.array(exact(self.triangles, which), np.int8))
+            sides = tools.upload(np.array(exact(self.shape.triangles, which), np.int8))
             tools.run(kernel, count=count, known=True, which=tools.upload(which), side_of=sides, **common)
         lists = "lists" not in packer.request.keep
         sight = PolygonSight(tools, near, face, count=m, first=self.first) if lists else None

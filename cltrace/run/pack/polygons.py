@@ -196,11 +196,16 @@ class ShownSide:
         """The sides of squares of twice the areas of some polygons, of one in SAMPLE, or of all if there is none."""
         place = np.zeros((), PLACE)
         place["level"] = -1
-        for stride in (SAMPLE, 1):
-            area, _ = self.sizes_on(place, stride)
-            if len(area):
-                break
+        area, _, _ = self.sampled(place, 1)
         return np.asarray(np.sqrt(2 * area))
+
+    def sampled(self, place: NDArray[np.void], least: int) -> tuple[NDArray[np.float32], NDArray[np.float32], int]:
+        """sizes_on() of one in SAMPLE, or of all if those are fewer than `least`, and one in how many these are."""
+        for stride in (SAMPLE, 1):
+            area, sides = self.sizes_on(place, stride)
+            if len(area) >= least:
+                break
+        return area, sides, stride
 
     def sizes_on(self, place: NDArray[np.void], stride: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Of those whose indices as surfaces `stride` divides, the areas in cells of level 0, and widths plus heights;
@@ -230,10 +235,7 @@ class ShownSide:
 
         A convex body in a lattice meets area + width + height + 1 cells on average, all measured in cells.
         """
-        for stride in (SAMPLE, 1):
-            area, sides = self.sizes_on(place, stride)
-            if len(area) >= FEW_SAMPLES:
-                break
+        area, sides, stride = self.sampled(place, FEW_SAMPLES)
         for level in range(16):
             by = 0.5**level
             if stride * float((area * by * by + sides * by + 1).sum(dtype=np.float64)) <= 4 * self.members + SPARE:
