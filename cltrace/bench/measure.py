@@ -23,7 +23,7 @@ from cltrace.process.console import tell
 from cltrace.run.devices import Device
 
 from .scenes import Case
-from .tracers import Product, Tracer
+from .tracers import BenchTracer, Product
 from .truth import Errors, Truth, differ, rms, truth_of_frame, truth_of_means
 from .user import NEW, takers
 
@@ -62,14 +62,14 @@ class Spread:
 
 
 @dataclass
-class Point:
+class Measurement:
     """What was measured of one tracer on one scene.
 
     group: the scene's class, a row of scenes.GROUPS; surfaces: how many the scene has; size: of the picture in pixels;
-    tracer, label, variant, level, version: as of tracers.Tracer; frames: seconds of a frame, the median of each round;
-    whole: seconds of each round, as of tracers.Run; errors: those of the pixels, None if they are not known; differ:
-    the share of pixels of which a byte differs from the truth; rms: of all bytes from the truth, in levels of 255;
-    note: why something is missing.
+    tracer, label, variant, level, version: as of tracers.BenchTracer; frames: seconds of a frame, the median of each
+    round; whole: seconds of each round, as of tracers.Run; errors: those of the pixels, None if they are not known;
+    differ: the share of pixels of which a byte differs from the truth; rms: of all bytes from the truth, in levels of
+    255; note: why something is missing.
     """
 
     group: str
@@ -121,7 +121,7 @@ class Results:
     """
 
     about: dict[str, Any]
-    points: list[Point] = field(default_factory=list)
+    points: list[Measurement] = field(default_factory=list)
     waits: list[Wait] = field(default_factory=list)
     work: Work = field(default_factory=dict)
     missing: list[str] = field(default_factory=list)
@@ -146,7 +146,7 @@ def load(path: str | Path) -> Results:
         given = json.loads(Path(path).read_text("utf-8"))
         for row in given["points"]:
             row["size"], row["errors"] = tuple(row["size"]), row["errors"] and Errors(**row["errors"])
-        given["points"] = [Point(**row) for row in given["points"]]
+        given["points"] = [Measurement(**row) for row in given["points"]]
         given["waits"] = [Wait(**row) for row in given["waits"]]
         return Results(**given)
     except OSError as error:
@@ -221,21 +221,21 @@ Say = Callable[[str], None]
 
 
 def measure(
-    case: Case, tracers: Sequence[Tracer], truth: Truth | None, say: Say, rounds: int | None = None
-) -> list[Point]:
+    case: Case, tracers: Sequence[BenchTracer], truth: Truth | None, say: Say, rounds: int | None = None
+) -> list[Measurement]:
     """Measures all tracers on one scene, in turn, round by round.
 
     truth: of the case, None if errors are not looked for; say: is told what happens, for a user who waits; rounds:
     exactly so many, whatever they take, None for ROUNDS within SECONDS.
     """
-    scene, points = case.scene, list[Point]()
-    live: dict[int, Tracer] = {}
+    scene, points = case.scene, list[Measurement]()
+    live: dict[int, BenchTracer] = {}
     for tracer in (tracer for tracer in tracers if tracer.task == case.task):
         refused = ", ".join(tracer.refuses(scene))
         if not refused:
             live[len(points)] = tracer
         surfaces = len(scene.spheres) + scene.triangles + len(scene.cylinders)
-        points.append(Point(case.group, case.name, surfaces, scene.camera.resolution, tracer.name, tracer.label,
+        points.append(Measurement(case.group, case.name, surfaces, scene.camera.resolution, tracer.name, tracer.label,
                             tracer.variant, tracer.level, tracer.version, note=refused))  # fmt: skip
     # Round 0 is not timed: its first frame may have to compile, and the second says how long a frame takes.
     frames, spent = dict.fromkeys(live, 2), dict.fromkeys(live, 0.0)
@@ -278,7 +278,9 @@ def truth_of(case: Case, device: Device) -> Truth:
     return truth_of_frame(case.scene, best.answer(case.scene))
 
 
-def measure_waits(case: Case, device: Device, peers: Sequence[Tracer], rounds: int, say: Say, anew: bool) -> list[Wait]:
+def measure_waits(
+    case: Case, device: Device, peers: Sequence[BenchTracer], rounds: int, say: Say, anew: bool
+) -> list[Wait]:
     """Measures what a user waits for, in turn, round by round.
 
     anew: also with nothing compiled, which takes longest. Who fails once is asked no more.

@@ -20,16 +20,16 @@ from numpy.typing import NDArray
 from cltrace.base.arrays import processors
 from cltrace.scene import PARALLEL, Scene
 
-from .peers import Light, PeerError, in_camera_space, lights, limit_of, triangles
+from .peers import PeerError, PeerLight, in_camera_space, lights, limit_of, triangles
 from .scenes import Floats
-from .tracers import FEW_ACROSS, OTHER_LIGHTS, Run, Tracer, has
+from .tracers import FEW_ACROSS, OTHER_LIGHTS, BenchTracer, Run, has
 
 VARIANT = "llvm_ad_rgb"
 # Each sphere is an object of Python's.
 MOST_SPHERES = 20_000
 
 
-class Mitsuba(Tracer):
+class Mitsuba(BenchTracer):
     """The package, in a process of its own. whole: with making its scene; level: level x level rays a pixel."""
 
     name = "Mitsuba 3"
@@ -156,7 +156,7 @@ class Picture:
                 ray = at.spawn_ray(dr.normalize(ray.d - 2 * dr.dot(n, ray.d) * n))
         return color
 
-    def _phong(self, light: Light, at: Any, n: Any, d: Any, m: dict[str, Any], hit: Any) -> Any:
+    def _phong(self, light: PeerLight, at: Any, n: Any, d: Any, m: dict[str, Any], hit: Any) -> Any:
         mi, dr = self._mi, self._dr
         place = mi.Vector3f(light.place.tolist())
         to = place if light.kind == PARALLEL else dr.normalize(place - at.p)
@@ -170,7 +170,7 @@ class Picture:
         return dr.select(lit, full, 0)
 
 
-def tracers(folder: Path) -> Iterable[Tracer]:
+def tracers(folder: Path) -> Iterable[BenchTracer]:
     """Mitsuba 3, if it is installed."""
     if importlib.util.find_spec("mitsuba") is None:
         raise PeerError("mitsuba is not installed (pip install mitsuba)")

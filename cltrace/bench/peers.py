@@ -26,7 +26,7 @@ from cltrace.base.arrays import processors
 from cltrace.scene import AMBIENT, LAMBERT, PARALLEL, POINT, SPOT, Scene
 
 from .scenes import Floats, Task
-from .tracers import ACROSS, FEW_ACROSS, OTHER_LIGHTS, Run, Tracer, has
+from .tracers import ACROSS, FEW_ACROSS, OTHER_LIGHTS, BenchTracer, Run, has
 
 # How long a peer may take for a picture; for more than two it has the time of two, as only short frames are repeated.
 PEER_SECONDS = 120
@@ -36,11 +36,11 @@ class PeerError(Exception):
     """A peer failed, or is not installed; str() is one line."""
 
 
-def installed(folder: Path) -> tuple[list[Tracer], list[str]]:
+def installed(folder: Path) -> tuple[list[BenchTracer], list[str]]:
     """The peers that are here, and for each other one why it is not. folder: where they may keep files."""
     from . import mitsuba  # which needs this module
 
-    found: list[Tracer] = []
+    found: list[BenchTracer] = []
     missing = []
     for tracers in (embree_tracers, povray_tracers, mitsuba.tracers):
         try:
@@ -97,7 +97,7 @@ def triangles(scene: Scene) -> tuple[Floats, Floats, NDArray[np.int64]]:
 
 
 @dataclass(frozen=True)
-class Light:
+class PeerLight:
     """A light that is not ambient, in camera space.
 
     kind: PARALLEL, POINT, SPOT or LAMBERT; color: (3,); place: (3,), of a parallel one the way to it; axis: (3,), along
@@ -111,18 +111,18 @@ class Light:
     angles: tuple[float, float]
 
 
-def lights(scene: Scene) -> tuple[Floats, list[Light]]:
+def lights(scene: Scene) -> tuple[Floats, list[PeerLight]]:
     """The ambient light (3,), and the others."""
     found, basis = [], np.array(scene.camera.basis())
     for light in scene.lamps[scene.lamps["kind"] != AMBIENT]:
         kind, axis = int(light["kind"]), basis @ light["direction"] / (np.linalg.norm(light["direction"]) or 1)
         place = -axis if kind == PARALLEL else in_camera_space(scene, light["position"][None])[0]
         inner, outer = np.radians([light["alpha1"], light["alpha2"]]).tolist()
-        found.append(Light(kind, place, light["color"], axis, (inner, outer)))
+        found.append(PeerLight(kind, place, light["color"], axis, (inner, outer)))
     return scene.lamps["color"][scene.lamps["kind"] == AMBIENT].sum(axis=0), found
 
 
-class Program(Tracer):
+class PeerProgram(BenchTracer):
     """A program that reads a scene from a file, which is written once for each scene, in a folder of its own."""
 
     def __init__(self, program: str, folder: Path, version: str) -> None:
@@ -154,7 +154,7 @@ BUILD = ("-O3", "-march=native", "-ffast-math", "-fno-finite-math-only", "-std=c
 Kind = tuple[str, Task, int | None]
 
 
-class Embree(Program):
+class Embree(PeerProgram):
     """Embree in single precision: its spheres, triangles and cones, in the way of embree.cpp that is fastest.
 
     variant: "robust" with Embree's flag of that name; task: with "samples", level x level rays a pixel; with
@@ -197,7 +197,7 @@ class Embree(Program):
         self._way = ""
         camera, spheres, rods = scene.camera, scene.spheres, scene.cylinders
         (corners, normals, material), (ambient, others) = triangles(scene), lights(scene)
-        every = [Light(AMBIENT, np.zeros(3), ambient, np.zeros(3), (0, 0)), *others]
+        every = [PeerLight(AMBIENT, np.zeros(3), ambient, np.zeros(3), (0, 0)), *others]
         counts = (len(spheres), len(corners), len(rods), len(scene.materials), len(every))
         samples = self.level or 1 if self.task == "samples" else 1
         sizes = (*camera.resolution, samples, camera.max_bounces, int(camera.parallel), *counts)
@@ -245,7 +245,7 @@ MOST_SPHERES, MOST_TRIANGLES = 20_000, 250_000
 FAR = 1e5
 
 
-class PovRay(Program):
+class PovRay(PeerProgram):
     """POV-Ray, in double precision. frames: what it calls trace time; whole: the whole process, which writes a PNG.
 
     level: with its own antialiasing, of as many rays across a pixel where neighbours differ.
@@ -317,7 +317,7 @@ def _vector(v: Iterable[float]) -> str:
     return f"<{','.join(map(repr, map(float, v)))}>"
 
 
-def povray_tracers(folder: Path) -> Iterable[Tracer]:
+def povray_tracers(folder: Path) -> Iterable[BenchTracer]:
     """POV-Ray, if it is on the PATH."""
     program = shutil.which("povray")
     if not program:

@@ -17,7 +17,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLo
 
 from cltrace.picture.files import whole_file
 
-from .measure import Point, Results, Spread, sentence
+from .measure import Measurement, Results, Spread, sentence
 from .report import by_group, by_label, complete, mean_time, percent, worst_share
 from .scenes import GROWTH_PIXELS, GROWTH_SPHERES
 
@@ -96,7 +96,7 @@ class Marks:
     def __init__(self) -> None:
         self.drawn: dict[str, Line2D] = {}
 
-    def of(self, point: Point, line: str, more: str = "") -> dict[str, Any]:
+    def of(self, point: Measurement, line: str, more: str = "") -> dict[str, Any]:
         """For Axes.plot; the same for the legend, where `more` says what the line is."""
         color, mark, text = LOOKS.get(point.tracer, OTHER)
         style: dict[str, Any] = {"linestyle": line, "marker": mark, "color": color, "markersize": 7}
@@ -114,10 +114,10 @@ class Marks:
 
 
 # What a panel shows of one tracer: a point that stands for it, and by level, times and errors.
-Curve = tuple[Point, list[tuple[int | None, Spread, float]]]
+Curve = tuple[Measurement, list[tuple[int | None, Spread, float]]]
 
 
-def time_error(points: Sequence[Point], results: Results) -> Figure | None:
+def time_error(points: Sequence[Measurement], results: Results) -> Figure | None:
     """A panel for each class of scenes: time and share of wrong pixels of each tracer, and the Pareto front."""
     panels: dict[str, list[Curve]] = {}
     for group, some in by_group(points).items():
@@ -129,7 +129,7 @@ def time_error(points: Sequence[Point], results: Results) -> Figure | None:
     return error_figure(panels, results, title, foot, "pixels that differ from the truth", percent)
 
 
-def antialiasing(points: Sequence[Point], results: Results) -> Figure | None:
+def antialiasing(points: Sequence[Measurement], results: Results) -> Figure | None:
     """A panel for each scene: time and RMS error of the curve of each tracer, and the Pareto front."""
     panels: dict[str, list[Curve]] = {}
     for name in dict.fromkeys((p.group, p.scene, p.tracer, p.variant) for p in points):
@@ -204,7 +204,7 @@ def front(ax: Axes, points: Iterable[tuple[float, float]]) -> None:
     ax.scatter(along, up, s=190, facecolors="none", edgecolors=GREY, linewidths=1.2, zorder=1)
 
 
-def growth(points: Sequence[Point], results: Results) -> Figure | None:
+def growth(points: Sequence[Measurement], results: Results) -> Figure | None:
     """Time of a frame and, dotted, of the whole way by spheres and by pixels. None if there is nothing to draw."""
     kinds = {GROWTH_SPHERES: "spheres (640x360 pixels)", GROWTH_PIXELS: "pixels (300 spheres)"}
     grown = [point for point in points if point.group in kinds]

@@ -11,7 +11,7 @@ from statistics import geometric_mean
 from cltrace.base.errors import UsageError
 from cltrace.picture.files import whole_file
 
-from .measure import ROOT, Point, Results, Spread, Wait, Work, load, sentence
+from .measure import ROOT, Measurement, Results, Spread, Wait, Work, load, sentence
 from .scenes import GROUPS
 from .user import WAYS
 
@@ -47,33 +47,33 @@ def milliseconds(time: Spread, digits: int = 3) -> str:
 # ---------------------------------------------------------------------------------------------- points, put together
 
 
-def by_group(points: Iterable[Point]) -> dict[str, list[Point]]:
+def by_group(points: Iterable[Measurement]) -> dict[str, list[Measurement]]:
     """Points by class of scene, in the order of GROUPS; only of classes that have some."""
     points = list(points)
     return {group: mine for group in GROUPS if (mine := [p for p in points if p.group == group and p.frames])}
 
 
-def by_label(points: Iterable[Point]) -> dict[str, list[Point]]:
+def by_label(points: Iterable[Measurement]) -> dict[str, list[Measurement]]:
     """Points by tracer, in the order in which they were measured."""
-    out: dict[str, list[Point]] = {}
+    out: dict[str, list[Measurement]] = {}
     for point in points:
         out.setdefault(point.label, []).append(point)
     return out
 
 
-def mean_time(points: Sequence[Point]) -> Spread:
+def mean_time(points: Sequence[Measurement]) -> Spread:
     """The geometric means of median and quartiles; steady if all are."""
     times = [point.time for point in points]
     low, median, high = (geometric_mean(getattr(time, name) for time in times) for name in ("low", "median", "high"))
     return Spread(low, median, high, all(time.steady for time in times))
 
 
-def worst_share(points: Iterable[Point]) -> float:
+def worst_share(points: Iterable[Measurement]) -> float:
     """The largest share of pixels that differ; NaN if none is known."""
     return max((point.differ for point in points if point.differ is not None), default=math.nan)
 
 
-def complete(points: Sequence[Point], group: Sequence[Point]) -> bool:
+def complete(points: Sequence[Measurement], group: Sequence[Measurement]) -> bool:
     """Whether a tracer has drawn all scenes of a class: otherwise its mean time cannot be compared."""
     return {point.scene for point in points} == {point.scene for point in group}
 
@@ -81,7 +81,7 @@ def complete(points: Sequence[Point], group: Sequence[Point]) -> bool:
 # ------------------------------------------------------------------------------------------------------------- tables
 
 
-def scene_table(points: Sequence[Point]) -> str:
+def scene_table(points: Sequence[Measurement]) -> str:
     """The points of one scene, for a terminal."""
     width, height = points[0].size
     lines = [["", "frame ms", "whole ms", "wrong ids", "t ulp", "false sh.", "leaks", "RMS", "differ"]]
@@ -120,7 +120,7 @@ def summary(results: Results) -> str:
     return "\n\n".join([*parts, _origin(results)]) + "\n"
 
 
-def _classes(points: Sequence[Point]) -> list[tuple[str, ...]]:
+def _classes(points: Sequence[Measurement]) -> list[tuple[str, ...]]:
     """A line for each class and kind of error, a column for each tracer."""
     groups = by_group(points)
     columns = [["", *groups, "wrong surfaces", "distance off by", "false shadows, leaks"]]
@@ -139,7 +139,7 @@ def _classes(points: Sequence[Point]) -> list[tuple[str, ...]]:
     return list(zip(*columns, strict=True))
 
 
-def _curves(points: Sequence[Point]) -> list[list[str]]:
+def _curves(points: Sequence[Measurement]) -> list[list[str]]:
     """A line for each place on a curve: time and RMS of each of its scenes."""
     scenes = list(dict.fromkeys((p.group, p.scene) for p in points))
     lines = [["", *(f"{group}: {scene}" for group, scene in scenes)]]
@@ -199,7 +199,7 @@ def ahead(results: Results) -> str:
     return "\n".join([f"{head}{'' if lines else ' nowhere.'}", "", *lines]).rstrip()
 
 
-def _error(point: Point) -> float:
+def _error(point: Measurement) -> float:
     """By which points are compared: RMS of what stands on a curve, else the share of pixels that differ."""
     found = point.differ if point.level is None else point.rms
     return math.nan if found is None else found

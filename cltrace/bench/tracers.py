@@ -47,7 +47,7 @@ class Run:
     rgb8: NDArray[np.uint8]
 
 
-class Tracer(ABC):
+class BenchTracer(ABC):
     """Something that draws scenes.
 
     name, variant: by which tables and plots call it; task: what it is measured at; level: its place on a curve, rays
@@ -99,7 +99,7 @@ def has(scene: Scene, *kinds: str) -> tuple[str, ...]:
     return tuple(kind for kind in kinds if found[kind])
 
 
-class Product(Tracer):
+class Product(BenchTracer):
     """cltrace on a device. keep: names of KEEPS, what it does not skip.
 
     With the task "cameras" or "positions", frames are those of a camera, or of spheres, that moves: the seconds from a
@@ -178,13 +178,13 @@ def moved(scene: Scene, task: Task, by: NDArray[np.float64]) -> Scene:
     return replace(scene, spheres=spheres)
 
 
-def own_tracers(device: Device, precisions: Sequence[Precision], quick: bool, stages: bool) -> list[Tracer]:
+def own_tracers(device: Device, precisions: Sequence[Precision], quick: bool, stages: bool) -> list[BenchTracer]:
     """What is measured of ours: each precision, and of the first one the curve of antialiasing, and what moves.
 
     quick: only precisions; stages: also the first one without each of the stages that skip work, and without all.
     """
     best = precisions[0]
-    out: list[Tracer] = [Product(device, precision) for precision in precisions]
+    out: list[BenchTracer] = [Product(device, precision) for precision in precisions]
     if stages:
         out += [Product(device, best, keep=(name,), variant=f"without {name}") for name in KEEPS]
         out.append(Product(device, best, keep=tuple(k for k in KEEPS if k != "lists"), variant="without all but lists"))

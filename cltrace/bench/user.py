@@ -19,7 +19,7 @@ import numpy as np
 import cltrace
 
 if TYPE_CHECKING:
-    from .tracers import Tracer
+    from .tracers import BenchTracer
 
 WAYS = NEW, AGAIN, ARRAYS = ("process to file, nothing compiled", "process to file", "arrays to first picture")
 # Who takes a way, the version of a program that is not ours, the way, and what takes it: seconds.
@@ -33,7 +33,7 @@ def seconds_of(command: Sequence[str], **environment: str) -> float:
     return time.perf_counter() - start
 
 
-def takers(scene: cltrace.Scene, device: str, peers: Sequence[Tracer], folder: Path) -> Iterator[Taker]:
+def takers(scene: cltrace.Scene, device: str, peers: Sequence[BenchTracer], folder: Path) -> Iterator[Taker]:
     """All ways to a picture of the scene. folder: where files may be until the last of them has been taken."""
     arrays, picture = str(folder / "scene.npz"), str(folder / "out.png")
     view = [scene.camera.image_plane()[0], *scene.camera.resolution]

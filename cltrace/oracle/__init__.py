@@ -6,6 +6,6 @@ shapes.py  spheres and ellipsoids, triangles, cylinders
 scenes.py  closest_hit(): any rays in a scene; the table of shapes
 """
 
-from cltrace.oracle.scenes import Answer, closest_hit, triangles_met
+from cltrace.oracle.scenes import OracleHits, closest_hit, triangles_met
 
-__all__ = ["Answer", "closest_hit", "triangles_met"]
+__all__ = ["OracleHits", "closest_hit", "triangles_met"]

@@ -18,7 +18,7 @@ from cltrace.scene.rules import numbers
 KINDS: tuple[type[Kind], ...] = (Triangles, Spheres, Cylinders)
 
 
-class Answer(NamedTuple):
+class OracleHits(NamedTuple):
     """Of n rays. id, primitive: (n,) int32, numbers of the surface in the scene and of the triangle in its mesh, -1 for
     none; t: (n,) float64, correctly rounded, in units of the direction, inf where nothing is met."""
 
@@ -33,7 +33,7 @@ def closest_hit(
     directions: ArrayLike,
     t_min: ArrayLike = 0.0,
     t_max: ArrayLike = np.inf,
-) -> Answer:
+) -> OracleHits:
     """Find the first surface that each ray meets, exactly.
 
     Touching counts, and an edge belongs to one of its triangles: the one that the ray turned by e, e^2 and e^3 along x,
@@ -53,7 +53,7 @@ def closest_hit(
 
     Returns
     -------
-    Answer
+    OracleHits
         Arrays `id`, `primitive` and `t`.
 
     Raises
@@ -64,11 +64,11 @@ def closest_hit(
     o, d, low, high = checked_rays(origins, directions, t_min, t_max)
     if len(scene.planes):
         met = first_hits(scene, o, d, low, high)
-        return Answer(met.id, met.primitive, met.t)
+        return OracleHits(met.id, met.primitive, met.t)
     kinds = kinds_of(scene)
     item, t = closest_item(kinds, o, d, low, high)
     id_, primitive = (np.append(numbers, -1)[item].astype(np.int32) for numbers in (kinds.surface, kinds.primitive))
-    return Answer(id_, primitive, t)
+    return OracleHits(id_, primitive, t)
 
 
 def kinds_of(scene: Scene) -> Kinds:

@@ -222,10 +222,10 @@ class Kinds:
             np.add.at(out, hits.ray[met], 1)
         return out
 
-    def closest(self, rays: Rays, pairs: tuple[Ids, Ids] | None = None) -> Found:
+    def closest(self, rays: Rays, pairs: tuple[Ids, Ids] | None = None) -> FirstItems:
         """What each ray meets first; of equally near surfaces, as first_of() has it. pairs: as of hits()."""
         n = len(rays)
-        found = Found(np.full(n, -1), Fine(np.full(n, np.inf), *np.zeros((2, n))), np.zeros(n, bool))
+        found = FirstItems(np.full(n, -1), Fine(np.full(n, np.inf), *np.zeros((2, n))), np.zeros(n, bool))
         t = found.t
         for rows, hits in self.hits(rays, pairs):
             # By rays, and of each ray the first hit that is known, if any, comes first.
@@ -249,7 +249,7 @@ class Kinds:
                 found.doubt[i] = True
         return found
 
-    def rounded(self, rays: Rays, found: Found) -> Floats:
+    def rounded(self, rays: Rays, found: FirstItems) -> Floats:
         """The t of what was found, correctly rounded, (n,)."""
         t = found.t.h.copy()
         for row in np.flatnonzero(~found.is_rounded).tolist():
@@ -273,7 +273,7 @@ def _limited(hits: PairHits, rays: Rays) -> PairHits:
     return PairHits(hits.ray, hits.item, sure, t).at(np.flatnonzero(kept))
 
 
-class Found(NamedTuple):
+class FirstItems(NamedTuple):
     """What n rays meet first. item: (n,), rows of Kinds, -1 for none; t: (n,), to 2^-40 of itself, inf for none; doubt:
     (n,), which rays whole numbers decided."""
 

@@ -10,9 +10,9 @@ the files in this order:
     vectors.py     Point, Direction and Matrix
     rays.py        Ray, and Start, the point of a surface by which a ray leaves it
     lights.py      Light, and ShadowRay, which leads to it
-    surfaces.py    Surface, which each shape implements, Material, Texture, Intersection
+    surfaces.py    Surface, which each shape implements, PhongMaterial, Texture, Intersection
     spheres.py     Sphere, with the tutorial's equation, also of ellipsoids
-    triangles.py   Mesh, Triangle
+    triangles.py   TriangleMesh, Triangle
     cylinders.py   Cylinder
     bounce.py      where a ray goes on from a mirror or through glass: bounces, mirrored, refracted
     clipping.py    Region, what clipping planes keep, and the caps of what they open
@@ -35,7 +35,7 @@ from cltrace.reference.rays import Ray, Start
 from cltrace.reference.spheres import Sphere
 from cltrace.reference.surfaces import Intersection, Surface, Texture
 from cltrace.reference.trace import Pixel
-from cltrace.reference.triangles import Mesh, Triangle
+from cltrace.reference.triangles import Triangle, TriangleMesh
 from cltrace.reference.vectors import EYE, Direction, Point, byte_of
 from cltrace.reference.world import World, world_of
 
@@ -43,7 +43,6 @@ __all__ = [
     "EYE",
     "Direction",
     "Intersection",
-    "Mesh",
     "Pixel",
     "Point",
     "Ray",
@@ -53,6 +52,7 @@ __all__ = [
     "Surface",
     "Texture",
     "Triangle",
+    "TriangleMesh",
     "World",
     "byte_of",
     "mirrored",

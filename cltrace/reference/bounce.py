@@ -18,7 +18,7 @@ from cltrace.reference.vectors import Direction
 
 
 @dataclass(frozen=True, slots=True)
-class Bounce:
+class SecondaryRay:
     """A ray that goes on. share: how much of what it sees the ray sees that came; total: whether reflection is total,
     so that the mirrored ray has the share of the refracted one, too."""
 
@@ -29,7 +29,7 @@ class Bounce:
     total: bool
 
 
-def bounces(ray: Ray, at: Intersection) -> Iterator[Bounce]:
+def bounces(ray: Ray, at: Intersection) -> Iterator[SecondaryRay]:
     """How a ray goes on from a mirror or through glass: the refracted ray first, if any, then the mirrored one."""
     m, d, n, spread = at.material, ray.direction, at.outward, at.surface.spread
     mirror, total = m.reflectance, False
@@ -38,9 +38,9 @@ def bounces(ray: Ray, at: Intersection) -> Iterator[Bounce]:
         if through is None:
             mirror, total = mirror + m.transmittance, True
         else:
-            yield Bounce("refracted", at.start, through, m.transmittance, total=False)
+            yield SecondaryRay("refracted", at.start, through, m.transmittance, total=False)
     if mirror > 0:
-        yield Bounce("mirrored", at.start, mirrored(d, n, at.side, spread), mirror, total)
+        yield SecondaryRay("mirrored", at.start, mirrored(d, n, at.side, spread), mirror, total)
 
 
 def mirrored(d: Direction, n: Direction, side: int, spread: float = 1.0) -> Direction:

@@ -19,7 +19,7 @@ from functools import cached_property
 from cltrace.exact.lines import ExactPlane, ExactPoint, Height, Line, Root, entry_of
 from cltrace.reference.lights import ShadowRay
 from cltrace.reference.rays import NOWHERE, Ray, Start, View, exact_line
-from cltrace.reference.surfaces import Intersection, Material, Setting, Shape, Surface
+from cltrace.reference.surfaces import Intersection, PhongMaterial, Setting, Shape, Surface
 from cltrace.reference.vectors import Direction, Point
 
 
@@ -32,7 +32,7 @@ class ClipPlane:
     point: Point
     inward: Direction
     outward: Direction
-    material: Material | None
+    material: PhongMaterial | None
 
     @cached_property
     def exact(self) -> ExactPlane:

@@ -13,7 +13,7 @@ from cltrace.exact.lines import ExactPoint, Line, Root
 from cltrace.exact.shapes import ExactCylinder, Part
 from cltrace.reference.lights import ShadowRay
 from cltrace.reference.rays import Ray, Start, Way, exact_line, way_of
-from cltrace.reference.surfaces import Intersection, Material, Setting, Surface
+from cltrace.reference.surfaces import Intersection, PhongMaterial, Setting, Surface
 from cltrace.reference.vectors import Direction, Point, size_of
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ class Cylinder(Surface):
 
     shape = kind = "cylinder"
 
-    def __init__(self, of: np.void, setting: Setting, material: Material) -> None:
+    def __init__(self, of: np.void, setting: Setting, material: PhongMaterial) -> None:
         self.start, self.end = Point(*of["start"].tolist()), Point(*of["end"].tolist())
         self.radius, self.number = float(of["radius"]), int(of["number"])
         self.clipped = not of["unclipped"]

@@ -21,7 +21,7 @@ AHEAD = Direction(0.0, 0.0, -1.0)
 FLOOR = 2.0**-900  # covers what underflows
 
 
-class Met(NamedTuple):
+class SphereHit(NamedTuple):
     """Where a ray meets a sphere. side: -1 for the near end of the way through it, 1 for the far one; q: the unit
     normal of a Start there; distance: along the ray, in scene units."""
 
@@ -73,7 +73,7 @@ class Sphere(Surface):
             self.shape, self.reach = "ellipsoid", self.radius * self.L.size
             self.stretch, self.spread = self.K.size, self.K.size * self.L.size
 
-    def meet(self, ray: Ray) -> Met | None:
+    def meet(self, ray: Ray) -> SphereHit | None:
         """Where the ray meets it first, by the equation in the form that keeps its digits."""
         if self.K is None:
             # Directions whose squares leave the range of double are for exact arithmetic.
@@ -188,7 +188,7 @@ class Sphere(Surface):
 # not. Any other ray is left to the exact engine altogether.
 
 
-def from_eye(sphere: Sphere, ray: Ray) -> Met | None:
+def from_eye(sphere: Sphere, ray: Ray) -> SphereHit | None:
     """The tutorial's equation for a ray that starts at the eye, where C - o is the centre itself.
 
     c = |C|^2 - r^2 comes from the exact scene, rounded once. The discriminant b^2 - a c is kept where it is accurate,
@@ -241,7 +241,7 @@ def from_eye(sphere: Sphere, ray: Ray) -> Met | None:
         else:
             along = d * (root * (1 / a))
             n = sphere.unit(-(v + along) if side < 0 else along - v)
-        return Met(t, side, n, t * math.sqrt(a))
+        return SphereHit(t, side, n, t * math.sqrt(a))
     return None
 
 
@@ -253,7 +253,7 @@ def _exact_v(sphere: Sphere, ray: Ray, equation: Equation) -> Direction:
     return Direction(*sphere.view.to_camera(v).rounded())
 
 
-def from_plane(sphere: Sphere, o: Start, ray: Ray) -> Met | None:
+def from_plane(sphere: Sphere, o: Start, ray: Ray) -> SphereHit | None:
     """The equation of a ray from o = (x, y, 0) along -z, to which a sphere is a disc.
 
     With (x, y) from the ray to the centre C, D = r^2 - (x^2 + y^2), and the ends are at t = -C.z -/+ sqrt(D), from the
@@ -282,11 +282,11 @@ def from_plane(sphere: Sphere, o: Start, ray: Ray) -> Met | None:
     for side in (-1, 1) if hits else ():
         ahead = Root(equation, side).is_between(0.0, math.inf) if equation else ends[side] > 0
         if ahead:
-            return Met(ends[side], side, sphere.unit(Direction(-x, -y, -side * root)), ends[side])
+            return SphereHit(ends[side], side, sphere.unit(Direction(-x, -y, -side * root)), ends[side])
     return None
 
 
-def from_surface(sphere: Sphere, ray: Ray) -> Met | None:
+def from_surface(sphere: Sphere, ray: Ray) -> SphereHit | None:
     """The equation of a ray that starts on a surface A and leads from there to infinity, along the world's axes.
 
     If A is a sphere, it starts at its centre plus p = r_A m, with m = B^T q and the unit normal q of its start, and
@@ -378,10 +378,10 @@ def from_surface(sphere: Sphere, ray: Ray) -> Met | None:
         g = -w
     n = g * (1 / math.sqrt(g.dot(g)))
     # The root in the distance is the one that the kernel takes, for equal bits.
-    return Met(t, side, n if sphere.K else sphere.view.B @ n, t * math.sqrt(d.dot(d)))
+    return SphereHit(t, side, n if sphere.K else sphere.view.B @ n, t * math.sqrt(d.dot(d)))
 
 
-def from_anywhere(sphere: Sphere, ray: Ray) -> Met | None:
+def from_anywhere(sphere: Sphere, ray: Ray) -> SphereHit | None:
     """Any ray: all of it is exact, and rounded in the end."""
     root = sphere.equation(ray).first(ray.t_min, ray.t_max)
     if root is None:
@@ -399,7 +399,7 @@ def from_anywhere(sphere: Sphere, ray: Ray) -> Met | None:
     else:
         own = ExactPoint(sphere.exact.seen(own.numbers), own.over * sphere.exact.K_over)
     q = sphere.unit(Direction(*own.rounded()))
-    return Met(float(root), root.side, q, float(root) * ray.direction.length())
+    return SphereHit(float(root), root.side, q, float(root) * ray.direction.length())
 
 
 def surely_blocks(sphere: Sphere, ray: ShadowRay) -> bool | None:

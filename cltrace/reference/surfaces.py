@@ -68,7 +68,7 @@ def _mix(a: Color, b: Color, share: float) -> Color:
 
 
 @dataclass(frozen=True, slots=True)
-class Material:
+class PhongMaterial:
     """Phong's coefficients and the colour of the surface, and what it passes on of the light.
 
     reflectance, transmittance: the shares of what is seen in the mirrored and along the refracted ray; index: of
@@ -113,7 +113,7 @@ class Intersection:
     normal: Direction
     inside: bool
     start: Start
-    material: Material
+    material: PhongMaterial
     uv: UV
     index: int
     primitive: int = -1
@@ -148,7 +148,7 @@ class Shape(ABC):
     clip it.
     """
 
-    material: Material
+    material: PhongMaterial
     number: int
     view: View
     kind: str
@@ -207,7 +207,7 @@ class Setting(NamedTuple):
 
     scene: Scene
     view: View
-    material: Callable[[int], Material]
+    material: Callable[[int], PhongMaterial]
 
 
 def first_met(surfaces: Iterable[Surface], ray: Ray) -> tuple[float, Surface] | None:

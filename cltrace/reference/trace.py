@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from cltrace.base.limits import MAX_RAYS
-from cltrace.reference.bounce import Bounce, bounces
+from cltrace.reference.bounce import SecondaryRay, bounces
 from cltrace.reference.lights import Light, ShadowRay
 from cltrace.reference.rays import Ray, start_on_plane, view_of
 from cltrace.reference.surfaces import Intersection, Surface, first_met
@@ -79,7 +79,7 @@ class Sight:
     share: float
     shading: Shading | None
     own: Color
-    bounces: tuple[Bounce, ...]
+    bounces: tuple[SecondaryRay, ...]
     last: bool
 
 
@@ -191,7 +191,7 @@ def follow(world: World, ray: Ray, weight: float = 1.0, depth: int = 0) -> Sight
         return Sight(ray, None, 1.0, None, world.background, (), last=False)
     m = at.material
     last = m.passes_on and depth > world.camera.max_bounces
-    share, further = 1.0, tuple[Bounce, ...]()
+    share, further = 1.0, tuple[SecondaryRay, ...]()
     if m.passes_on and not last:
         share = max(0.0, (1 - m.reflectance) - m.transmittance)
         further = tuple(bounce for bounce in bounces(ray, at) if weight * bounce.share > 0)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Weights = tuple[float, float, float]  # of a triangle's corners A, B and C, which add up to 1
 
 
-class Mesh(Shape):
+class TriangleMesh(Shape):
     """Triangles. of: the scene's."""
 
     kind = "mesh"
@@ -70,9 +70,9 @@ class Mesh(Shape):
             yield self.triangle(row)
 
 
-def meshes(setting: Setting) -> Iterator[Mesh]:
+def meshes(setting: Setting) -> Iterator[TriangleMesh]:
     """Those of a scene."""
-    return (Mesh(of, setting) for of in setting.scene.meshes)
+    return (TriangleMesh(of, setting) for of in setting.scene.meshes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +193,7 @@ class Triangle(RoughFace, Surface):
 
     kind = "mesh"
 
-    def __init__(self, mesh: Mesh, primitive: int) -> None:
+    def __init__(self, mesh: TriangleMesh, primitive: int) -> None:
         self.mesh, self.primitive, self.number = mesh, primitive, mesh.number
         self.view, self.material, self.front = mesh.view, mesh.material, int(mesh.of.front[primitive])
         self.clipped = mesh.clipped

@@ -13,7 +13,7 @@ from cltrace.reference.cylinders import cylinders
 from cltrace.reference.lights import Light, ShadowRay, light_of
 from cltrace.reference.rays import Ray, view_of
 from cltrace.reference.spheres import spheres
-from cltrace.reference.surfaces import Material, Setting, Shape, Surface, Texture
+from cltrace.reference.surfaces import PhongMaterial, Setting, Shape, Surface, Texture
 from cltrace.reference.triangles import meshes
 from cltrace.reference.vectors import Color, color_of
 from cltrace.scene import AMBIENT, AnyCamera, Scene
@@ -64,14 +64,14 @@ def world_of(scene: Scene, kinds: Kinds = KINDS) -> World:
     )
 
 
-def _materials(scene: Scene) -> Callable[[int], Material]:
+def _materials(scene: Scene) -> Callable[[int], PhongMaterial]:
     """The scene's materials, each of which is made when it is first asked for."""
     names = ("ka", "kd", "ks", "exponent", "reflectance", "transmittance", "index")
     textures = [*map(Texture, scene.textures), None]  # the last one is that of the index -1
 
     @functools.cache
-    def material(i: int) -> Material:
+    def material(i: int) -> PhongMaterial:
         m = scene.materials[i]
-        return Material(color_of(m["color"]), **{k: float(m[k]) for k in names}, texture=textures[m["texture"]])
+        return PhongMaterial(color_of(m["color"]), **{k: float(m[k]) for k in names}, texture=textures[m["texture"]])
 
     return material

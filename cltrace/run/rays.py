@@ -38,7 +38,7 @@ MODERATE = (2.0**-80, 2.0**80)
 
 
 @dataclass(frozen=True)
-class Found:
+class DeviceHits:
     """What a device knows of n rays.
 
     index: (n,), the surface that each meets first, -1 for none; t: (n,), correctly rounded, inf for none. These do
@@ -111,7 +111,7 @@ class RayTracer:
         options = opencl.options("accurate", self._features | ({whole} if whole else set()))
         return program(self.device, [*flags, *options], FILES).kernel("trace_rays", self._parameters)
 
-    def trace(self, *rays: Array) -> Found:
+    def trace(self, *rays: Array) -> DeviceHits:
         """Origins and directions, (n, 3), in the world, none 0 nor of an extreme length, t_min and t_max, (n,)."""
         with driver_errors(self.device):
             found = self._found(rays, "")
@@ -123,9 +123,10 @@ class RayTracer:
                     self._kernels["WITH_WHOLE"] = self._built("WITH_WHOLE")
             again = self._found([x[rows] for x in rays], "WITH_WHOLE")
         found.index[rows], found.t[rows] = again.index, again.t
-        return Found(found.index, found.t, rows[again.undecided], rows[again.ray], again.surface, rows[again.anything])
+        ray, anything = rows[again.ray], rows[again.anything]
+        return DeviceHits(found.index, found.t, rows[again.undecided], ray, again.surface, anything)
 
-    def _found(self, rays: Sequence[Array], whole: str) -> Found:
+    def _found(self, rays: Sequence[Array], whole: str) -> DeviceHits:
         """What one of the kernels knows."""
         parts = [slice(i, i + RAYS_AT_ONCE) for i in range(0, len(rays[0]), RAYS_AT_ONCE)]
         found = [self._trace(self._kernels[whole], *(x[part] for x in rays)) for part in parts]
@@ -134,7 +135,7 @@ class RayTracer:
         candidate = np.concatenate([one["candidate"] for one in found])
         kept = np.arange(CANDIDATES) < count[undecided, None]
         ray = np.repeat(undecided, kept.sum(axis=1))
-        return Found(index, t, undecided, ray, candidate[kept], undecided[count[undecided] < 0])
+        return DeviceHits(index, t, undecided, ray, candidate[kept], undecided[count[undecided] < 0])
 
     def _trace(self, kernel: Kernel, *rays: Array) -> dict[str, NDArray[Any]]:
         """One launch: its results, of which the candidates are those of undecided rays alone."""

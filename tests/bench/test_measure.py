@@ -127,7 +127,7 @@ def test_errors_are_found() -> None:
 # --------------------------------------------------------------------------------------------------------- measurement
 
 
-class Fake(tracers.Tracer):
+class Fake(tracers.BenchTracer):
     """Takes the seconds that it is told to, for each run, and a second for the first frame of the first one."""
 
     name = "fake"

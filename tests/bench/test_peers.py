@@ -126,7 +126,7 @@ def test_what_a_scene_has_is_named() -> None:
 
 
 @pytest.fixture(scope="session")
-def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tracers.Tracer]:
+def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tracers.BenchTracer]:
     """Those that are here, of one ray a pixel."""
     every, _ = peers.installed(tmp_path_factory.mktemp("peers"))
     return {each.name: each for each in every if each.task == "frame" and not each.variant}
@@ -145,7 +145,7 @@ def drawn_by_peers() -> list[scenes.Case]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["Embree", "POV-Ray", "Mitsuba 3"])
-def test_peers_draw_what_cltrace_draws(found: dict[str, tracers.Tracer], name: str) -> None:
+def test_peers_draw_what_cltrace_draws(found: dict[str, tracers.BenchTracer], name: str) -> None:
     """They are measured with the same picture, in all scenes that single precision can draw: outlines and mirrored ones
     aside, to a level."""
     if name not in found:
@@ -168,7 +168,7 @@ def test_more_samples_are_nearer_to_the_truth(tmp_path: Path) -> None:
     # POV-Ray tells no time of smaller pictures, which take less than a millisecond.
     scene, device = scenes.cloud(60, (80, 45)), cltrace.devices()[0]
     case = scenes.Case("60 balls", scenes.ANTIALIASED, scene, "samples")
-    true, drawn = measure.truth_of(case, device), dict[tracers.Tracer, bytes]()
+    true, drawn = measure.truth_of(case, device), dict[tracers.BenchTracer, bytes]()
     curves: dict[str, dict[int, float]] = {}
     for one in [*tracers.own_tracers(device, ["accurate"], False, False), *peers.installed(tmp_path)[0]]:
         if one.task == "samples" and not one.refuses(scene):

@@ -10,7 +10,7 @@ from PIL import Image
 
 from cltrace.base.errors import UsageError
 from cltrace.bench import measure, report, scenes, user
-from cltrace.bench.measure import Point, Results, Wait
+from cltrace.bench.measure import Measurement, Results, Wait
 from cltrace.bench.truth import Errors
 
 ROOT = Path(__file__).parents[2]
@@ -19,11 +19,11 @@ RIGHT = Errors(0, 0.5, 0, 0)
 STEADY = [0.002, 0.00201, 0.00202]
 
 
-def point(tracer: str = "accurate", frames: list[float] = STEADY, **more: object) -> Point:
+def point(tracer: str = "accurate", frames: list[float] = STEADY, **more: object) -> Measurement:
     level = more.get("level")
     given = {"group": "ordinary", "scene": "16 balls", "surfaces": 16, "size": (48, 27), "differ": 1e-5}
     label = tracer if level is None else f"{tracer}, {level}"
-    return Point(**{**given, "tracer": tracer, "label": label, "frames": frames, **more})  # type: ignore[arg-type]
+    return Measurement(**{**given, "tracer": tracer, "label": label, "frames": frames, **more})  # type: ignore[arg-type]
 
 
 def some() -> Results:
@@ -80,7 +80,7 @@ def test_a_class_has_a_mean_only_of_all_its_scenes() -> None:
 def test_where_peers_are_ahead() -> None:
     """A peer's point is named unless one of ours is as fast and as right; errors within 1 % are equal."""
 
-    def at(tracer: str, ms: float, differ: float | None, **more: object) -> Point:
+    def at(tracer: str, ms: float, differ: float | None, **more: object) -> Measurement:
         version = "" if tracer in ("single", "double") else "3"
         return point(tracer, [ms / 1000] * 3, differ=differ, version=version, **more)
 

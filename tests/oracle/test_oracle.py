@@ -16,7 +16,7 @@ from hostile.sphere_regimes import REGIMES, camera_space, rays
 from surface_rays import along, at_point, closest, spheres_at, undecided
 
 from cltrace.base.arithmetic import Fine
-from cltrace.oracle.search import Found, Kinds
+from cltrace.oracle.search import FirstItems, Kinds
 from cltrace.oracle.shapes import Spheres
 
 UP = np.inf
@@ -163,7 +163,7 @@ def assert_filter_is_right(origin, rows, centers, radii):
     return (~sure).mean()
 
 
-def searched(origin, rows, centers, radii) -> Found:
+def searched(origin, rows, centers, radii) -> FirstItems:
     """What closest() goes by."""
     return Kinds([spheres_at(centers, radii)]).closest(
         along(at_point(origin, len(rows)), np.asarray(rows, float), np.eye(3))

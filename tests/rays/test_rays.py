@@ -68,7 +68,7 @@ def aimed(scene: Scene, rng: np.random.Generator, count: int) -> tuple[np.ndarra
     return two, way
 
 
-def same(hits: Hits, want: oracle.Answer) -> None:
+def same(hits: Hits, want: oracle.OracleHits) -> None:
     assert hits.id.tolist() == want.id.tolist()
     assert hits.primitive.tolist() == want.primitive.tolist()
     assert hits.t.tolist() == want.t.tolist()
@@ -226,10 +226,10 @@ def test_hard_rays(kind: str) -> None:
 
 
 def test_most_rays_are_decided_by_the_device(monkeypatch: pytest.MonkeyPatch) -> None:
-    found: list[on_device.Found] = []
+    found: list[on_device.DeviceHits] = []
     trace = on_device.RayTracer.trace
 
-    def kept(self: on_device.RayTracer, *rays: np.ndarray) -> on_device.Found:
+    def kept(self: on_device.RayTracer, *rays: np.ndarray) -> on_device.DeviceHits:
         found.append(trace(self, *rays))
         return found[-1]
 

@@ -23,10 +23,10 @@ from cltrace.reference import (
     Sphere,
     Start,
     Texture,
+    TriangleMesh,
     World,
     world_of,
 )
-from cltrace.reference import Mesh as ReferenceMesh
 from cltrace.reference.bounce import bounces
 from cltrace.reference.trace import closest_hit, primary_ray, trace
 
@@ -37,8 +37,8 @@ def scene_of(*meshes: Mesh, camera: Camera = AXES, lights: tuple = ()) -> Scene:
     return Scene.from_meshes(camera, lights, meshes)
 
 
-def mesh_of(world: World) -> ReferenceMesh:
-    return next(surface for surface in world.surfaces if isinstance(surface, ReferenceMesh))
+def mesh_of(world: World) -> TriangleMesh:
+    return next(surface for surface in world.surfaces if isinstance(surface, TriangleMesh))
 
 
 def ball_of(world: World, i: int = 0) -> Sphere:
