@@ -302,7 +302,7 @@ def test_of_equal_distances_the_lowest_surface_and_then_triangle_is_met() -> Non
     assert (seen(ball).index, seen(ball).primitive) == (0, -1)
     first, *_ = ball.meshes
     shapes = ball.spheres, ball.materials
-    behind = Scene(AXES, (), *shapes, meshes=[first.of(first.material, 0)])
+    behind = Scene(AXES, (), *shapes, meshes=[replace(first, number=0)])
     assert (seen(behind).index, seen(behind).primitive) == (0, 0)
     assert world_of(behind).surfaces[1].number == 1
 
