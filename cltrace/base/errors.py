@@ -76,10 +76,8 @@ class TooManyRaysError(CltraceError):
         self.max_bounces = max_bounces
 
     def __str__(self) -> str:
-        return (
-            f"camera.max_bounces: must be lower than {self.max_bounces}, with which pixel {self.pixel} takes more than "
-            f"{self.rays:,} rays{hint('rays')}"
-        )
+        most = f"{self.max_bounces}, with which pixel {self.pixel} takes more than {self.rays:,} rays{hint('rays')}"
+        return f"camera.max_bounces: must be lower than {most}"
 
 
 class TooSlowError(CltraceError):

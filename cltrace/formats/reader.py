@@ -118,19 +118,14 @@ class _SceneReader(ElementReader):
         root = self.root
         assert root
         camera = root["camera"]
-        view = Camera(
-            camera["position"].numbers,
-            camera["lookat"].numbers,
-            camera["up"].numbers,
-            horizontal_fov=camera["horizontal_fov"]["angle"],
-            resolution=camera["resolution"].numbers,
-            max_bounces=camera["max_bounces"]["n"],
-            square_pixels=False,  # the tutorial's rule for the shorter side
-        )
-        surfaces: dict[str, Any] = {}
+        seen = {name: camera[name].numbers for name in ("position", "lookat", "up", "resolution")}
+        angle, bounces = camera["horizontal_fov"]["angle"], camera["max_bounces"]["n"]
+        # The tutorial's rule for the shorter side is not that of square pixels.
+        view = Camera(**seen, horizontal_fov=angle, max_bounces=bounces, square_pixels=False)
+        given: dict[str, Any] = {"materials": materials, "textures": files.textures.found.values()}
         for shape in shapes:
             shape.doubt_reach(view)
-            surfaces |= shape.fields(material_of[np.array(shape.numbers)])
+            given |= shape.fields(material_of[np.array(shape.numbers)])
         output_file = root["output_file"]
         if Path(output_file).suffix.lower() != ".png":
             message = f"scene: output_file {quoted(output_file)} does not end in .png, which is appended"
@@ -147,15 +142,8 @@ class _SceneReader(ElementReader):
             transforms=self._transforms,
             files=files.named(),
         )
-        scene = Scene(
-            view,
-            np.concatenate(self._lights),
-            materials=materials,
-            background=root["background_color"].numbers,
-            output_file=output_file,
-            textures=files.textures.found.values(),
-            **surfaces,
-        ).changed(source=source)
+        given |= {"background": root["background_color"].numbers, "output_file": output_file}
+        scene = Scene(view, np.concatenate(self._lights), **given).changed(source=source)
         ignored = [located(self.path, w.line, w.message) for w in self.warnings.in_order()]
         return scene, [*ignored, *self._meshes.notes()]
 
@@ -168,11 +156,9 @@ class _SceneReader(ElementReader):
         )
         most = MAX_PAIRS * max(self.files.size, PAIRS_BYTES) // PAIRS_BYTES
         if self._members * surfaces > most:
-            self.faults.add(
-                self._light_lines[-1],
-                f"lights: must be at most {most} pairs of a light and a surface, got {self._members} lights, with "
-                f"all members of soft ones, and {surfaces} surfaces{hint('pairs')}",
-            )
+            got = f"{self._members} lights, with all members of soft ones, and {surfaces} surfaces{hint('pairs')}"
+            words = f"lights: must be at most {most} pairs of a light and a surface, got {got}"
+            self.faults.add(self._light_lines[-1], words)
 
 
 def load(path: str | os.PathLike[str]) -> Scene:

@@ -196,9 +196,9 @@ def map_of(cmap: Any) -> Map:
         return _bytes_of(found)
     table = np.asarray(found)
     if table.ndim != 2 or table.shape[1] not in (3, 4) or not len(table) or table.dtype.kind not in "uf":
+        got = described(cmap if table.dtype == object else table)
         raise ValueError(
-            "cmap: must be a name, a callable, or an array (k, 3) or (k, 4) of uint8 or floats, "
-            f"got {described(cmap if table.dtype == object else table)}"
+            f"cmap: must be a name, a callable, or an array (k, 3) or (k, 4) of uint8 or floats, got {got}"
         )
     return lambda share: table[np.minimum((share * len(table)).astype(np.intp), len(table) - 1)]
 

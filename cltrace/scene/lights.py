@@ -191,10 +191,9 @@ def joined(lights: Iterable[NDArray[np.void]] | NDArray[np.void]) -> NDArray[np.
     arrays = list(arrays)
     for array in arrays:
         if not isinstance(array, np.ndarray) or array.dtype != LIGHT or array.ndim > 1:
-            raise TypeError(
-                "lights: must be a list of what ambient_light(), point_light(), sky_light() and the like return, "
-                f"got {described(array)}{'' if array is lights else ' among them'}"
-            )
+            got = f"{described(array)}{'' if array is lights else ' among them'}"
+            words = "must be a list of what ambient_light(), point_light(), sky_light() and the like return"
+            raise TypeError(f"lights: {words}, got {got}")
     return np.concatenate([np.zeros(0, LIGHT), *map(np.atleast_1d, arrays)])
 
 

@@ -430,10 +430,8 @@ class Meshes(NumberedSurfaces):
         last = -1
         for i, mesh in enumerate(found):
             if not isinstance(mesh, PlacedMesh):
-                raise TypeError(
-                    f"meshes[{i}]: must be a cltrace.scene.PlacedMesh, got {described(mesh)}; "
-                    "Scene.from_meshes() takes each cltrace.Mesh"
-                )
+                words = f"must be a cltrace.scene.PlacedMesh, got {described(mesh)}"
+                raise TypeError(f"meshes[{i}]: {words}; Scene.from_meshes() takes each cltrace.Mesh")
             if mesh.material >= materials:
                 raise ValueError(f"meshes[{i}].material: must be the index of a material, got {mesh.material}")
             if mesh.number <= last:

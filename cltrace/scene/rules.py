@@ -154,10 +154,8 @@ def check_none(name: str, bad: NDArray[np.bool_], words: str, values: NDArray[An
 def records_of(name: str, value: NDArray[np.void], dtype: np.dtype[np.void]) -> NDArray[np.void]:
     """A copy of an (n,) array of these records; TypeError if it is none: numpy would turn a number into all fields."""
     if not isinstance(value, np.ndarray) or value.dtype.names != dtype.names or value.ndim != 1:
-        raise TypeError(
-            f"{name}: must be an (n,) array of dtype cltrace.scene.{name[:-1].upper()}, got {described(value)}; "
-            "Scene.from_spheres() takes plain arrays"
-        )
+        words = f"must be an (n,) array of dtype cltrace.scene.{name[:-1].upper()}, got {described(value)}"
+        raise TypeError(f"{name}: {words}; Scene.from_spheres() takes plain arrays")
     return np.array(value, dtype)
 
 
@@ -197,10 +195,8 @@ def check_not_bytes(name: str, color: ArrayLike, reflected: bool = False) -> Non
     whole = (array == np.rint(array)).all()
     if whole or array.max() > BYTES:
         hint = "" if reflected or array.max() > BYTES else f", or write {array.max():.1f}"
-        raise ValueError(
-            f"{name}: must be linear with 1 as full, but {'whole ' if whole else ''}numbers up to {array.max():g} look "
-            f"like bytes of 0 to 255; divide by 255{hint}"
-        )
+        found = f"{'whole ' if whole else ''}numbers up to {array.max():g} look like bytes of 0 to 255"
+        raise ValueError(f"{name}: must be linear with 1 as full, but {found}; divide by 255{hint}")
 
 
 def is_whole(value: object) -> bool:

@@ -341,6 +341,8 @@ class Scene(Frozen):
         a map's name needs a package that is not there.
         """
         _check_camera(camera, "camera, lights, centers, radii, colors")
+        none = np.zeros(0, SPHERE), np.zeros(0, MATERIAL)
+        bare = cls(camera, (), *none, output_file=output_file, transfer=transfer).in_front_of(background)
         center = points(centers, radii)
         n = len(center)
         radius = column("radii", POSITIVE, radii, (n,))
@@ -353,14 +355,10 @@ class Scene(Frozen):
         one = n > 0 and shade["color"].ndim == 1 and not any(shade[name].ndim for name in (*COEFFICIENTS, "index"))
         count, material = (1, np.zeros((), np.int32)) if one else (n, None)
         radius, to_object, maps = shaped(radius, n, transform)
-        check_transfer(transfer)
         shade["color"] = decoded(shade["color"], transfer)
 
         placed, more, textures = placed_meshes(meshes, transfer, count, n)
         columns = Columns(center, radius, material, to_object, shade=shade, count=count, rest=more, follows=ka is None)
-        bare = cls(
-            camera, (), np.zeros(0, SPHERE), np.zeros(0, MATERIAL), output_file=output_file, transfer=transfer
-        ).in_front_of(background)
         made = bare.with_fields(columns=columns, to_object=maps, meshes=placed, textures=textures, scale=scale)
         made = made.lit_by(lights)
         of = {"bonds": bonds, "bond_radius": bond_radius, "bond_colors": bond_colors, "box": box}

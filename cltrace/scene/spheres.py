@@ -76,10 +76,15 @@ def check_extents(place: str, radii: NDArray[Any], maps: NDArray[np.int32], reac
 def inverse_faults(to_world: NDArray[np.float64], to_object: NDArray[np.float64]) -> Iterator[tuple[int, str]]:
     """What is wrong with the maps of ellipsoids, each with its index, in words that belong behind "transform: ".
 
-    to_world: (n, 3, 3), what makes an ellipsoid of a sphere; to_object: (n, 3, 3), its inverses as they were rounded,
-    NaN for none.
+    to_world: L, (n, 3, 3), what makes an ellipsoid of a sphere; to_object: K, (n, 3, 3), its inverses as they were
+    rounded, NaN for none.
     """
-    admitted, errors = ANY.admits(to_object), deviations(to_object, to_world)
+    # With E = K L - 1, K is (1 + E) L^-1. So where the surface is to have |L^-1 x| = r, |K x| differs from r by |E| r
+    # at most: by that share of their distance from the centre, points may be off. |E| is no more than the square root
+    # of the sum of its squares.
+    with np.errstate(over="ignore", invalid="ignore"):
+        errors = np.sqrt(np.square(_products(to_object, to_world) - np.eye(3)).sum(axis=(1, 2)))
+    admitted = ANY.admits(to_object)
     for i in np.flatnonzero(~admitted.all(axis=(1, 2)) | ~(errors <= MAX_DEVIATION)).tolist():
         extreme = to_object[i][~admitted[i]].tolist()
         if np.isnan(to_object[i]).any() or (not extreme and np.isnan(errors[i])):
@@ -157,17 +162,6 @@ def uniform_scales(maps: NDArray[np.float64]) -> NDArray[np.float64]:
         mean = np.trace(square, axis1=1, axis2=2) / 3
         off = np.abs(square - mean[:, None, None] * np.eye(3)).max(axis=(1, 2), initial=0)
         return np.where((off <= 2.0**-50 * mean) & (mean > 0), np.sqrt(mean), np.nan)
-
-
-def deviations(to_object: NDArray[np.float64], to_world: NDArray[np.float64]) -> NDArray[np.float64]:
-    """By which share of their distance from the centre points of ellipsoids may be off, (n,), for rounding.
-
-    to_object: K, (n, 3, 3), as it was rounded; to_world: L, of which it ought to be the inverse. With E = K L - 1, K is
-    (1 + E) L^-1. So where the surface is to have |L^-1 x| = r, |K x| differs from r by |E| r at most. |E| is no more
-    than the square root of the sum of its squares.
-    """
-    with np.errstate(over="ignore", invalid="ignore"):
-        return np.asarray(np.sqrt(np.square(_products(to_object, to_world) - np.eye(3)).sum(axis=(1, 2))))
 
 
 def _products(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -267,11 +261,10 @@ def points(centers: ArrayLike, radii: ArrayLike) -> NDArray[Any]:
             raise ValueError(f"centers: must be at most {MAX_SPHERES}, got {len(found)}")
         check_rule("centers", ANY, found)
         return found
-    swapped = found.ndim < 2 and np.shape(numbers("radii", radii))[1:] == (3,)
-    raise ValueError(
-        f"centers: must have shape (n, 3), got {found.shape}"
-        + (f"; radii has shape {np.shape(radii)}: are the two swapped?" if swapped else "")
-    )
+    words = f"centers: must have shape (n, 3), got {found.shape}"
+    if found.ndim < 2 and np.shape(numbers("radii", radii))[1:] == (3,):
+        words += f"; radii has shape {np.shape(radii)}: are the two swapped?"
+    raise ValueError(words)
 
 
 def shades(given: Mapping[str, ArrayLike], n: int) -> dict[str, NDArray[Any]]:
