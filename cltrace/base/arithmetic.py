@@ -1,9 +1,9 @@
 """Arithmetic that several layers need: vectors of any numbers, pairs of doubles, and exact inverses of matrices.
 
-A pair (h, l) of arrays stands for the unevaluated sum h + l, with |l| <= u |h|, u = 2^-53. Three transformations are
-exact without over- and underflow: two_sum (Knuth, TAOCP 2, 4.2.2), quick_two_sum (Dekker 1971) where |x| >= |y|, and
-two_product (Veltkamp, Dekker 1971) for |x|, |y| < 2^996; the names are those of Ogita, Rump and Oishi 2005. For the
-four operations of Fine, with all terms of order u^3 dropped (which the slack below pays for):
+A pair (h, l) of arrays stands for the unevaluated sum h + l, with |l| <= u |h|, u = 2^-53. Two transformations are
+exact without over- and underflow: two_sum (Knuth, TAOCP 2, 4.2.2) and two_product (Veltkamp, Dekker 1971)
+for |x|, |y| < 2^996; the names are those of Ogita, Rump and Oishi 2005. For the four operations of Fine, with all terms
+of order u^3 dropped (which the slack below pays for):
 
   +     two roundings behind the exact sum of the h: x.l + y.l, and that to the error of the sum:
         u u (|x| + |y|) + u (u + u) (|x| + |y|)                                      = 3 u^2 (|x| + |y|)
@@ -77,12 +77,6 @@ def two_sum(x: Floats, y: Floats) -> Pair:
     return s, (x - (s - z)) + (y - z)
 
 
-def quick_two_sum(x: Floats, y: Floats) -> Pair:
-    """The same where |x| >= |y|."""
-    s = x + y
-    return s, y - (s - x)
-
-
 def _halves(x: Floats) -> Pair:
     """x as a sum of two numbers of 26 bits."""
     z = (2.0**27 + 1) * x
@@ -100,7 +94,9 @@ def two_product(x: Floats, y: Floats) -> Pair:
 def add_quickly(x: Pair, y: Pair) -> Pair:
     """x + y, but for the last digits of l where the sum of the h cancels to less than the rests."""
     s, e = two_sum(x[0], y[0])
-    return quick_two_sum(s, e + (x[1] + y[1]))
+    e = e + (x[1] + y[1])
+    h = s + e
+    return h, e - (h - s)  # the quick sum of Dekker, for |s| >= |e|
 
 
 @dataclass(frozen=True, slots=True)

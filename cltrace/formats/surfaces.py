@@ -363,8 +363,7 @@ def transformed(
     if alike and not turns:
         return p, scaled, None
     linear = _product(steps)
-    scale = linear[0][0]
-    upright = scale > 0 and np.array_equal(linear, scale * np.eye(3))
+    upright = linear[0][0] > 0 and np.array_equal(linear, linear[0][0] * np.eye(3))
     if not turns or upright:
         scale = float(uniform_scales(np.array([linear]))[0])
         if alike or not math.isnan(scale):

@@ -170,16 +170,14 @@ def _light(kind: int, color: ArrayLike, **given: ArrayLike) -> NDArray[np.void]:
             within = f"must be a whole number within 1..{MAX_LIGHTS}, got {described(count)}{more}"
             raise ValueError(f"light.{name}: {within}")
         given["members"] = count
-    given = {"color": color_numbers("light.color", color), "direction": (0, 0, -1), **given}
-    if "below" in given:
-        given["below"] = color_numbers("light.below", given["below"])
+    given = {"color": color, "direction": (0, 0, -1), **given}
+    colors = {name: color_numbers(f"light.{name}", given[name]) for name in ("color", "below") if name in given}
     light = np.zeros(1, LIGHT)
     light["kind"] = kind
-    for name, value in given.items():
+    for name, value in (given | colors).items():
         light[name] = _shaped(name, value, LIGHT[name].shape)
-    for name in ("color", "below"):
-        if name in given:
-            check_not_bytes(f"light.{name}", given[name])
+    for name, value in colors.items():
+        check_not_bytes(f"light.{name}", value)
     return light
 
 

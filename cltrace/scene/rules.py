@@ -116,7 +116,8 @@ def checked(name: str, rule: Rule, value: ArrayLike, shape: tuple[int, ...], mor
     if array.shape == (0,) and shape[:1] == (-1,):  # an empty list
         array = array.reshape(0, *shape[1:])
     if len(array.shape) != len(shape) or any(n not in (-1, got) for n, got in zip(shape, array.shape, strict=True)):
-        raise ValueError(f"{name}: must have shape {_shape_text(shape)}, got {array.shape}")
+        wanted = str(tuple("n" if n < 0 else n for n in shape)).replace("'", "")
+        raise ValueError(f"{name}: must have shape {wanted}, got {array.shape}")
     check_rule(name, rule, array)
     return copied(array, np.float64, more) if array is value or more else array
 
@@ -251,7 +252,3 @@ def _refuse_strangers(name: str, value: Any, depth: int = 0) -> None:
             _refuse_strangers(name, np.asarray(value), depth)
         else:
             raise ValueError(f"{name}: must be numbers, got {described(value)}{' among them' if depth else ''}")
-
-
-def _shape_text(shape: tuple[int, ...]) -> str:
-    return str(tuple("n" if n < 0 else n for n in shape)).replace("'", "")

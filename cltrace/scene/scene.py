@@ -24,27 +24,10 @@ from cltrace.scene.colormaps import Scale, colors_given
 from cltrace.scene.colors import Transfer, background_of, check_transfer, decoded
 from cltrace.scene.cylinders import Bonds, Cylinders, bonds_of, cylinders_of
 from cltrace.scene.lights import check_lights, joined, lamps_of, setting
-from cltrace.scene.materials import (
-    COEFFICIENTS,
-    MATERIAL,
-    Frozen,
-    Material,
-    Texture,
-    check_materials,
-    checked_textures,
-)
+from cltrace.scene.materials import MATERIAL, Frozen, Material, Texture, check_materials, checked_textures
 from cltrace.scene.meshes import Mesh, Meshes, PlacedMesh, placed_meshes
 from cltrace.scene.rules import ANY, POSITIVE, Vector, checked, described, records_of
-from cltrace.scene.spheres import (
-    SPHERE,
-    Columns,
-    Spheres,
-    check_spheres,
-    column,
-    points,
-    shades,
-    shaped,
-)
+from cltrace.scene.spheres import SPHERE, Columns, Spheres, check_spheres, column, points, shades, shaped
 from cltrace.scene.surfaces import NumberedSurfaces, Surfaces, fields_of
 
 Lights = Iterable[NDArray[np.void]] | NDArray[np.void]
@@ -352,7 +335,7 @@ class Scene(Frozen):
         shade = shades(given if ka is None else {**given, "ka": ka}, n)
         if ka is None:
             shade["ka"] = shade["kd"]
-        one = n > 0 and shade["color"].ndim == 1 and not any(shade[name].ndim for name in (*COEFFICIENTS, "index"))
+        one = n > 0 and not any(values.ndim > (name == "color") for name, values in shade.items())
         count, material = (1, np.zeros((), np.int32)) if one else (n, None)
         radius, to_object, maps = shaped(radius, n, transform)
         shade["color"] = decoded(shade["color"], transfer)

@@ -205,8 +205,8 @@ class Columns(Frozen):
     @classmethod
     def of_records(cls, spheres: NDArray[np.void], materials: NDArray[np.void]) -> Columns:
         """Views of SPHERE and MATERIAL arrays."""
-        center, radius, material, to_object = (spheres[name] for name in ("center", "radius", "material", "to_object"))
         shade = {name: materials[name] for name in (*ARGUMENTS, "texture")}
+        center, radius, material, to_object = (spheres[name] for name in ("center", "radius", "material", "to_object"))
         return cls(center, radius, material=material, to_object=to_object, shade=shade, count=len(materials))
 
     @property
