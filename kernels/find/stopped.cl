@@ -102,6 +102,10 @@ static __attribute__((noinline)) MASK stops_in_region(const Scene *scene, const 
     Encounter at = {INFINITY};
     const INT asked = open ? (INT)index : (INT)-1;
     EACH_SHAPE(geometry, asked, encounter(scene, way, asked, &at));
+    /* The ray from the light meets the triangle. At an edge, the ray to the light may be one that meets the neighbour
+     * instead, so only t is asked for. */
+    const REAL_MASK known = TO_REAL_MASK(open);
+    OF_TRIANGLES(if (IS_TRIANGLE(geometry, index)) at.t = crossing_of(geometry, way, asked, known, known).t;)
     const MASK met = open & TO_MASK(at.t < INFINITY);
     return stops & (!met | in_region(geometry, &way, asked, at.t, met, LIGHT_ERROR));
 }

@@ -42,8 +42,7 @@ static __attribute__((always_inline)) void decide_crossing(const Geometry geomet
     if (!UNDECIDED(geometry, ANY(TO_MASK(at->unsure)))) return;
     at->unsure = at->unsure & !TO_REAL_MASK(known_in_one_plane(geometry, index, ray.own));
     if (!ANY(TO_MASK(at->unsure))) return;
-    const INT number = TRIANGLE_OR_NONE(geometry, index);
-    const FineTriangle fine = fine_meeting_of(geometry, ray, number, at->unsure);
+    const FineTriangle fine = fine_meeting_of(geometry, ray, TRIANGLE_OR_NONE(geometry, index), at->unsure);
     at->t = (at->unsure & fine.hit) ? fine.t.hi : at->t;
     put_shares(at->unsure & fine.hit & !at->has_point, fine.shares, &at->shares);
 }

@@ -528,8 +528,7 @@ static __attribute__((noinline)) REAL edge_volume(const Geometry geometry, const
     const Pair3 n = cross_pairs(P, e);
     const Pair E = dot_pairs(path.fine.w, n);
     const REAL size = (size_of_pairs(P) + path.ray.reach) * size_of_pairs(e), n_error = 0x1p-98 * size;
-    const REAL E_error = 0x1p-97 * size * path.ray.w1;
-    REAL volume = fabs(E.hi) > E_error ? E.hi : (REAL)0;
+    REAL volume = fabs(E.hi) > 0x1p-97 * size * path.ray.w1 ? E.hi : (REAL)0;
     const REAL_MASK tie = wanted & (volume == 0);
     if (ANY(TO_MASK(tie))) {
         REAL first = first_sign_within(n, n_error);
