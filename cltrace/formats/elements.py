@@ -83,16 +83,11 @@ class ElementReader(ABC):
 
     def _chunks(self) -> Iterator[bytes]:
         """The file in chunks."""
-        empty = True
         try:
-            for chunk in chunks(self.path, CHUNK, "scene-bytes"):
-                empty = False
-                yield chunk
+            yield from chunks(self.path, CHUNK, "scene-bytes")
         except UnreadableError as error:
             there = os.path.exists(self.path)  # noqa: PTH110  # Path's raises an error for names that are too long
             raise FatalError(0, f"{error}{'' if there else hint_beside(Path(), self.path)}") from None
-        if empty:
-            raise FatalError(0, "is empty")
 
     def _feed(self, piece: bytes, line: int) -> str:
         """Parses a piece, and returns the element that ended last in it, "" if none did.

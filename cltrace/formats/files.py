@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 from cltrace.base import limits
 from cltrace.base.errors import Fault, SceneError
 from cltrace.base.limits import MAX_TEXELS, MAX_UNREADABLE
-from cltrace.formats.faults import Messages, closest, quoted
+from cltrace.formats.faults import FatalError, Messages, closest, quoted
 from cltrace.scene import Texture
 
 if TYPE_CHECKING:
@@ -31,7 +31,10 @@ class UnreadableError(Exception):
 
 
 def chunks(path: str, size: int, name: str) -> Iterator[bytes]:
-    """The bytes of a regular file, `size` at once; raises UnreadableError, also beyond the limit of this name."""
+    """The bytes of a regular file, `size` at once.
+
+    Raises UnreadableError, also beyond the limit of this name, and FatalError if the file is empty.
+    """
     most = limits.current(name)
     check_regular(path)
     with _words_for_errors(), Path(path).open("rb") as file:
@@ -41,6 +44,8 @@ def chunks(path: str, size: int, name: str) -> Iterator[bytes]:
             if read > most:
                 raise UnreadableError(f"must not be larger than {most} bytes{limits.hint(name)}")
             yield chunk
+    if not read:
+        raise FatalError(0, "is empty")
 
 
 def check_regular(path: str) -> None:

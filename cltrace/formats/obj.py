@@ -264,9 +264,7 @@ def _blocks(path: str) -> Iterator[tuple[int, bytes]]:
     endless lines.
     """
     pieces = chunks(path, BLOCK_BYTES, "mesh-bytes")
-    first = next(pieces, None)
-    if first is None:
-        raise FatalError(0, "is empty")
+    first = next(pieces)
     number, rest = 1, b""
     # The last line may lack its end, or have a backslash before it.
     for piece in chain([first.removeprefix(b"\xef\xbb\xbf")], pieces, [b"\n\n"]):

@@ -33,9 +33,8 @@ def with_spheres(scene: Scene, given: Mapping[str, ArrayLike]) -> Scene:
     n = len(columns)
     given = dict(given)
     shown = {name: given.pop(name, None) for name in ("colors", "values", "cmap", "clim", "norm")}
-    colors, scale = colors_given(
-        len(np.atleast_1d(given["centers"])) if "centers" in given else n, before=scene.scale, **shown
-    )
+    count = len(np.atleast_1d(given["centers"])) if "centers" in given else n
+    colors, scale = colors_given(count, before=scene.scale, **shown)
     if colors is not None:
         given["colors"] = colors
     if "centers" in given:
