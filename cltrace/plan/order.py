@@ -51,7 +51,8 @@ def _sorted(key: NDArray[np.int64], index_bits: int) -> NDArray[np.int32]:
 
 def _codes(center: NDArray[Any], bits: int) -> NDArray[np.int64]:
     """So many bits of each coordinate of points (n, 3) in turn, of their places in the box of all of them."""
-    low, high = _ends(center)
+    ends = blockwise(len(center), lambda block: [(x.min(), x.max()) for x in _axes(center[block])])
+    low, high = np.min(ends, axis=0)[:, 0], np.max(ends, axis=0)[:, 1]
     # Halves, as the difference of two doubles may overflow.
     scale = (2**bits - 1) / max(1e-300, float((high / 2 - low / 2).max()))
     every_third, code = _every_third(bits), np.zeros(len(center), np.int64)
@@ -62,12 +63,6 @@ def _codes(center: NDArray[Any], bits: int) -> NDArray[np.int64]:
 
     blockwise(len(center), interleave)
     return code
-
-
-def _ends(center: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(3,) each: the least and the largest coordinates of points (n, 3)."""
-    ends = blockwise(len(center), lambda block: [(x.min(), x.max()) for x in _axes(center[block])])
-    return np.min(ends, axis=0)[:, 0], np.max(ends, axis=0)[:, 1]
 
 
 @cache

@@ -52,12 +52,11 @@ class Clipping:
 
     @classmethod
     def of(cls, scene: Scene, shapes: Sequence[ShapePacking]) -> Clipping:
-        planes = scene.planes
-        if not len(planes):
-            return cls(np.zeros((0, 3)), np.zeros((0, 3)), *(np.zeros(0, np.int32),) * 2, solids=0)
+        planes, solid_of = scene.planes, np.zeros(0, np.int32)
+        if len(planes):
+            solid_of = np.concatenate([shape.solid_of(scene) for shape in shapes]).astype(np.int32)
         _, exponent = np.frexp(np.abs(planes["normal"]).max(axis=1))
         normal = -np.ldexp(planes["normal"], 1 - exponent[:, None])
-        solid_of = np.concatenate([shape.solid_of(scene) for shape in shapes]).astype(np.int32)
         return cls(planes["point"], normal, planes["material"], solid_of, int(solid_of.max(initial=0)))
 
     def arrays(self, real: np.dtype[Any], exponent: int | None, paths: Paths) -> Arrays:

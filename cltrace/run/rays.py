@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -93,9 +92,9 @@ class RayTracer:
         self._features, self._parameters = features, types | PARAMETERS | dict.fromkeys(RESULTS, BUFFER)
         self._kernels = {"": self._built("")}
         # What no ray asks for is 0, or a buffer of a few zeros.
-        none = self._buffer(np.zeros(64))
-        zeros = {name: (0,) * int(re.sub(r"\D", "", type_) or 0) or 0 for name, type_ in types.items()}
-        self._arguments = {name: none if type_ == BUFFER else zeros[name] for name, type_ in types.items()}
+        zeros = {type_: np.zeros((), getattr(cl.cltypes, type_))[()] for type_ in types.values() if type_ != BUFFER}
+        zeros[BUFFER] = self._buffer(np.zeros(64))
+        self._arguments = {name: zeros[type_] for name, type_ in types.items()}
         self._arguments |= {name: value for name, value in values.items() if name in types}
         self._arguments |= {name: self._buffer(a) for name, a in arrays.items() if name in types and len(a)}
         if "plane" in types:

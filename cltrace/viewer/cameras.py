@@ -132,11 +132,6 @@ def as_xml(camera: AnyCamera) -> str:
     return "\n".join(["<camera>", *lines, "</camera>"])
 
 
-def as_python(camera: AnyCamera) -> str:
-    """The call that makes the same camera."""
-    return f"cltrace.{camera!r}"
-
-
 def _axes(camera: AnyCamera) -> tuple[Any, Any, Any]:
     """To the right, upwards and backwards in the world, as arrays."""
     right, up, back = map(np.array, camera.basis())

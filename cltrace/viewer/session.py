@@ -324,13 +324,14 @@ class Session:
         """The camera as text. Raises ValueError where there is no such form of it."""
         if form == "xml":
             return cameras.as_xml(self.camera)
+        python = f"cltrace.{self.camera!r}"
         if form == "python":
-            return cameras.as_python(self.camera)
+            return python
         source, options = self._scene.source, {"antialias": True, "samples": self.samples} | self.stage.options
         if form != "command" or source is None:
             raise ValueError(f"there is no {form!r} of this camera")
         how = "".join(f", {name}={value!r}" for name, value in options.items() if value)
-        look = f"cltrace.load({source.path!r}).seen_by({cameras.as_python(self.camera)})"
+        look = f"cltrace.load({source.path!r}).seen_by({python})"
         program = f"import cltrace; scene = {look}; {self._lights.as_python}cltrace.render(scene{how}).save('view.png')"
         return f"python -c {shlex.quote(program)}"
 

@@ -63,7 +63,7 @@ class Balls(ShapePacking):
 class BallsInView(InView):
     @cached_property
     def space(self) -> CameraSpace:
-        return CameraSpace.of(self.camera, CENTER[-MORE:], RADIUS[-MORE:], None, self.first)
+        return CameraSpace.of(self.camera, CENTER[-MORE:], RADIUS[-MORE:])
 
     def lengths(self) -> Any:
         return self.space.center, self.space.radius
@@ -74,6 +74,7 @@ class BallsInView(InView):
         turned = partial(rotated, np.array(self.camera.basis()))
         discs = [small.seen_from(light.place * 2.0**k)[0] if light.at_point else None for light in lights]
         seen = [replace(d, center=turned(d.center)) if d else small.seen_from_eye() for d in discs]
+        eye, *seen = (replace(d, first=self.first) for d in (eye, *seen))
         return Sights({}, eye=eye, lights=seen, lit={})
 
 

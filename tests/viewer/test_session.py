@@ -182,7 +182,7 @@ def test_copies(session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     session.handle(Event("light", 1, 0.25))
     texts = {name: next(session.answer(Event("copy", name=name))).text for name in ("xml", "python", "command")}
     assert texts["xml"] == cameras.as_xml(session.camera)
-    assert texts["python"] == cameras.as_python(session.camera)
+    assert texts["python"] == f"cltrace.{session.camera!r}"
     monkeypatch.chdir(tmp_path)
     words = shlex.split(texts["command"])
     assert words[:2] == ["python", "-c"]

@@ -113,8 +113,8 @@ def test_a_narrow_picture_keeps_a_column() -> None:
 
 def test_text(tmp_path) -> None:
     moved = cameras.orbit(PINHOLE, 0.123, 0.045)
-    assert eval(cameras.as_python(moved), {"cltrace": cltrace}) == moved
-    assert eval(cameras.as_python(PARALLEL), {"cltrace": cltrace}) == PARALLEL
+    assert eval(f"cltrace.{moved!r}", {"cltrace": cltrace}) == moved
+    assert eval(f"cltrace.{PARALLEL!r}", {"cltrace": cltrace}) == PARALLEL
     file = tmp_path / "scene.xml"
     rest = '<scene output_file="a.png"><background_color r="0" g="0" b="0"/>{}<lights/><surfaces/></scene>'
     file.write_text(rest.format(cameras.as_xml(moved)))

@@ -531,7 +531,7 @@ def _grid(
     # has (1 + 1 / 2)^2 entries then, on average. There are about as many cells as surfaces, at most. Few surfaces that
     # are no balls may have more.
     flat = max(one.cell_entries for one in shapes if len(one))
-    wanted = shown.entries if shown else flat + min(FINER / max(1, members), 64) if flat else 2.25
+    wanted = flat + min(FINER / max(1, members), 64) if flat else 2.25
     cells = window.cells(float(np.median(sizes)), members, wanted, max(members, FINER if flat else 2))
     sides = window.sides(cells)
     held = shown.entered_on(sides, slack, window.furthest) if shown else None

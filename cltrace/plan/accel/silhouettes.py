@@ -261,7 +261,8 @@ class Polygons(Silhouettes):
     first: int
     side: NDArray[np.int8]
     sight: Any = None
-    # Few triangles may have many entries.
+    # Triangles take longer to enter than to try, and few of them may have many entries: for five meshes of 1,000 to
+    # 100,000, twice as many or half as many change little.
     cell_entries = 1.6
 
     @property

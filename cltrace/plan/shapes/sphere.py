@@ -62,7 +62,7 @@ class CameraSpace:
     center (n, 3): along the camera's axes, each coordinate rounded once; power (n,): |C|^2 - r^2 for the exact offset C
     of the centre from the eye, rounded once, so that no rounding of centres enters it; power_rest (n,): what that
     rounding cut off; loose (n,): which surfaces only lie within their spheres, None for none; place (n, 3): centres in
-    the world; first: the index of the first sphere as a surface.
+    the world.
     """
 
     center: Array
@@ -71,28 +71,25 @@ class CameraSpace:
     power_rest: Array
     loose: Mask | None
     place: Array
-    first: int = 0
 
     @classmethod
-    def of(
-        cls, camera: AnyCamera, center: Array, radius: Array, loose: Mask | None = None, first: int = 0
-    ) -> CameraSpace:
+    def of(cls, camera: AnyCamera, center: Array, radius: Array, loose: Mask | None = None) -> CameraSpace:
         """center (n, 3), radius (n,) and loose (n,) are in the world, in scene units."""
         eye, basis = np.array(camera.position), np.array(camera.basis())
         hi, lo = differences(center, eye)
         turned, _ = dot_products(basis, hi, lo)
         power, rest = square_excess(hi, lo, radius)
-        return cls(turned, radius, power=power, power_rest=rest, loose=loose, place=center, first=first)
+        return cls(turned, radius, power=power, power_rest=rest, loose=loose, place=center)
 
     def times_two_to(self, k: int) -> CameraSpace:
         """All lengths times 2^k. Nothing is rounded: a scene's numbers are within float32's range, 2^-149 to 2^128."""
-        lengths = [f.name for f in fields(self) if f.name not in ("loose", "first")]
+        lengths = [f.name for f in fields(self) if f.name != "loose"]
         factor = {name: 2.0 ** (2 * k if name.startswith("power") else k) for name in lengths}
         return replace(self, **{name: getattr(self, name) * by for name, by in factor.items()})
 
     def seen_from_eye(self) -> Discs:
         """The spheres as the eye sees them."""
-        return self._discs(self.center, self._known(self.power))
+        return Discs(self.center, self.radius, self._known(self.power))
 
     def seen_along_view(self) -> Discs:
         """The spheres as parallel rays see them that start on the plane through the eye and lead along the view.
@@ -100,7 +97,7 @@ class CameraSpace:
         The power is 1 where that plane is clear of a sphere, and 0 where it may cut it. Lengths are about 1.
         """
         z, r = np.abs(self.center[:, 2]), self.radius
-        return self._discs(self.center, np.where(z - r > 2.0**-20 * (z + r) + 2.0**-44, 1.0, 0.0))
+        return Discs(self.center, r, np.where(z - r > 2.0**-20 * (z + r) + 2.0**-44, 1.0, 0.0))
 
     def seen_from(self, point: Array) -> tuple[Discs, Array]:
         """The spheres as a point of the world sees them along the world's axes; and (n,) the exact sign of its power.
@@ -110,10 +107,7 @@ class CameraSpace:
         """
         hi, lo = differences(self.place, point)
         power, _ = square_excess(hi, lo, self.radius)
-        return self._discs(hi, self._known(power)), np.sign(power)
-
-    def _discs(self, center: Array, power: Array) -> Discs:
-        return Discs(center, self.radius, power, self.first)
+        return Discs(hi, self.radius, self._known(power)), np.sign(power)
 
     def _known(self, power: Array) -> Array:
         """What is known of surfaces by the powers of their spheres: from inside of a loose one, nothing."""
@@ -316,7 +310,7 @@ def _places(
 
 
 class SpheresInView(InView):
-    """Spheres as a camera sees them."""
+    """Spheres as a camera sees them, the first of all surfaces."""
 
     shape: SpherePacking
 
@@ -325,7 +319,7 @@ class SpheresInView(InView):
         """In scene units."""
         spheres = self.shape
         stretched = spheres.maps.of_sphere > 0 if spheres.maps else None
-        return CameraSpace.of(self.camera, spheres.center, spheres.reach, stretched, self.first)
+        return CameraSpace.of(self.camera, spheres.center, spheres.reach, stretched)
 
     def lengths(self) -> Sequence[Array]:
         return self.space.center, self.space.radius

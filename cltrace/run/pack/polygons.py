@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan.abi import CONSTANTS
-from cltrace.plan.accel.grids import SIDE, SIDES, Extent, PictureWindow, Shadows, Side
+from cltrace.plan.accel.grids import FINER, SIDE, SIDES, Extent, PictureWindow, Shadows, Side
 from cltrace.plan.accel.silhouettes import DEPTH_SLACK, SLACK, TURNED
 from cltrace.plan.rounding import Array, Mask
 from cltrace.run.pack.toolbox import PACKET, Arguments, Entered, Toolbox, numbered
@@ -26,9 +26,6 @@ GUARD = 2.0
 # Pixels smaller than this, at z = -1, are too small for slopes in float32 to be divided by them, and cells of parallel
 # light that are narrower than the other are too narrow for places in float32, which are off by 2^-23.
 TINY, TINY_CELL = 2.0**-64, 2.0**-16
-# In a light's lists. Triangles take longer to enter than to try, and few of them may have many entries: for five meshes
-# of 1,000 to 100,000, twice as many or half as many change little.
-ENTRIES, FINER = 1.6, 2**14
 # So many entries, besides 4 for each triangle, a grid may have.
 SPARE = 2**18
 # How many entries there are follows from one in so many polygons, unless those are fewer than this.
@@ -186,11 +183,6 @@ class ShownSide:
     loose: float
     sight: PolygonSight
     seen: Arguments
-
-    @property
-    def entries(self) -> float:
-        """In how many cells of a light's grid one of a usual size is to be."""
-        return ENTRIES + min(FINER / max(1, self.members), 64)
 
     def sizes(self) -> NDArray[np.float32]:
         """The sides of squares of twice the areas of some polygons, of one in SAMPLE, or of all if there is none."""

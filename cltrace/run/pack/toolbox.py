@@ -88,13 +88,13 @@ class Toolbox:
         self._in_use += arguments.values()
         kernel.start(self.queue, (items or ITEMS[self.kind],), (GROUP[self.kind],), arguments)
 
-    def room(self, count: int, dtype: Any, name: str = "spheres", again: bool = False) -> Any:
+    def room(self, count: int, dtype: Any, again: bool = False) -> Any:
         """A buffer of so many numbers, at least one. They are undefined.
 
-        name: for a message if it is too large; again: whether a CPU keeps its memory for later ones of about this size.
+        again: whether a CPU keeps its memory for later ones of about this size.
         """
         size = max(1, count) * np.dtype(dtype).itemsize
-        check_sizes(self._device, {name: (count, size)})
+        check_sizes(self._device, {"spheres": (count, size)})
         if self.kind == "cpu":
             memory = self._memory_again(size) if again else _memory(size)
             return cl.Buffer(self.context, cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR, hostbuf=memory)
@@ -154,11 +154,11 @@ class Toolbox:
         self._in_use.append(buffer)
         cl.enqueue_fill_buffer(self.queue, buffer, np.array([value]), 0, 4 * count)
 
-    def copy(self, source: Any, target: Any, offset: int, size: int, first: int = 0) -> None:
+    def copy(self, source: Any, target: Any, offset: int, size: int) -> None:
         """Copies so many bytes, from the first one on, to an offset of another buffer."""
         if size:
             self._in_use += (source, target)
-            cl.enqueue_copy(self.queue, target, source, src_offset=first, dst_offset=offset, byte_count=size)
+            cl.enqueue_copy(self.queue, target, source, dst_offset=offset, byte_count=size)
 
     def read(self, buffer: Any, count: int, dtype: Any, first: int = 0) -> NDArray[Any]:
         """So many numbers of a buffer, from the first one on."""
