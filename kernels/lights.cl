@@ -91,8 +91,8 @@ static REAL cosine_towards(const Start start, const Real3 n, const Real3 L, cons
     return REAL_BYTES == 4 ? (start.near_eye ? DOT(n, w) : by_center) : by_center;
 }
 
-/* Whether a light is of a kind. Compilers leave out what no light of the scene needs. */
-#define IS_LIGHT(kind, NAME) (HAS(WITH_##NAME) && (KINDS_OF_LIGHTS == 1 || (kind) == NAME##_LIGHT))
+/* Whether a light is at a point, and of a kind. */
+#define IS_LIGHT(kind, NAME) (HAS(WITH_POINTS) && (kind) == NAME##_LIGHT)
 
 /* Which kind a light is. So one loop over all lights can call illuminate() from one place, where it is inlined:
  * otherwise compilers copy an Intersection for each call, which took a fifth of the time. */
@@ -102,7 +102,7 @@ static int kind_of(const Light light) {
 
 /* Whether it is at a point, where its rays end; if not, they are parallel. */
 static int is_at_point(const int kind) {
-    return !IS_LIGHT(kind, PARALLEL);
+    return HAS(WITH_POINTS) && kind != PARALLEL_LIGHT;
 }
 
 /* From a point of a surface to the light. n: the outward unit normal there. */

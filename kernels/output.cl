@@ -80,35 +80,48 @@ static INT primitives_in(const Scene *scene, const Hit hit) {
     return HAS(WITH_PLANES) ? ((hit.id >= 0) & (hit.plane >= 0) ? -2 - hit.plane : primitive) : primitive;
 }
 
-/* Writes what the OUT_ flags ask for. first: index of the packet's first pixel in the outputs. */
-static void write(const Frame frame, const Scene *scene, const Packet packet, const Pixels pixels, const Work *work,
-                  const Outputs out, const int first) {
+/* Writes the outputs other than bytes. first: index of the packet's first pixel in the outputs. */
+static __attribute__((noinline)) void write_more(const Frame *camera, const Scene *scene, const Packet *packet,
+                                                 const Pixels *pixels, const Outputs *outputs, const int first) {
+    const Outputs out = *outputs;
     const int pitch = out.pitch;
-    if (HAS(WITH_PASSES)) keep_colors(pixels.color, out, first);
-    if (HAS(OUT_RGB8)) {
-        const shade_t rounding = frame.quantize.x;
-        store_rgb8(out.rgb8, first, pitch, byte_of(pixels.color.x, rounding), byte_of(pixels.color.y, rounding),
-                   byte_of(pixels.color.z, rounding));
-    }
-    if (HAS(OUT_COLOR)) STORE3(out.color, first, pitch, pixels.color);
-    if (HAS(OUT_NORMAL)) STORE3(out.normal, first, pitch, pixels.normal);
-    const Ray ray = primary_ray(frame, packet.size, packet.column, packet.row);
-    if (HAS(OUT_DIRECTION)) {
+    const Ray ray = primary_ray(*camera, packet->size, packet->column, packet->row);
+    if (out.so_far) keep_colors(pixels->color, out, first);
+    if (out.color) STORE3(out.color, first, pitch, pixels->color);
+    if (out.normal) STORE3(out.normal, first, pitch, pixels->normal);
+    if (out.direction) {
         const REAL over = 1 / sqrt(ray.a);
         const Real3 unit = {ray.d.x * over, ray.d.y * over, -over};
-        const Float3 direction = to_world(frame, unit);
+        const Float3 direction = to_world(*camera, unit);
         STORE3(out.direction, first, pitch, direction);
     }
-    if (HAS(OUT_DEPTH)) STORE(real, out.depth, first, pitch, 1, pixels.hit.t * sqrt(ray.a));
-    if (HAS(OUT_ID)) STORE(int, out.id, first, pitch, 1, ids_of(scene, pixels.hit.id));
-    if (HAS(OUT_PRIMITIVE)) STORE(int, out.primitive, first, pitch, 1, primitives_in(scene, pixels.hit));
-    if (HAS(OUT_UV)) {
-        STORE(float, out.uv, first, pitch, 2, pixels.u);
-        STORE(float, out.uv + 1, first, pitch, 2, pixels.v);
+    if (out.depth) STORE(real, out.depth, first, pitch, 1, pixels->hit.t * sqrt(ray.a));
+    if (out.id) STORE(int, out.id, first, pitch, 1, ids_of(scene, pixels->hit.id));
+    if (out.primitive) STORE(int, out.primitive, first, pitch, 1, primitives_in(scene, pixels->hit));
+    if (out.uv) {
+        STORE(float, out.uv, first, pitch, 2, pixels->u);
+        STORE(float, out.uv + 1, first, pitch, 2, pixels->v);
     }
-    if (HAS(OUT_ERROR)) STORE(float, out.error, first, pitch, 1, pixels.error);
-    if (HAS(OUT_COVERAGE)) STORE(float, out.coverage, first, pitch, 1, pixels.coverage);
-    if (HAS(OUT_SHADOW_RAYS)) STORE(int, out.shadow_rays, first, pitch, 1, pixels.rays);
+    if (out.error) STORE(float, out.error, first, pitch, 1, pixels->error);
+    if (out.coverage) STORE(float, out.coverage, first, pitch, 1, pixels->coverage);
+    if (out.shadow_rays) STORE(int, out.shadow_rays, first, pitch, 1, pixels->rays);
+}
+
+/* Writes the outputs that there are. */
+static void write(const Frame frame, const Scene *scene, const Packet packet, const Pixels pixels, const Work *work,
+                  const Outputs out, const int first) {
+    if (!HAS(WITH_EXTRAS) || out.rgb8) {
+        const shade_t rounding = frame.quantize.x;
+        store_rgb8(out.rgb8, first, out.pitch, byte_of(pixels.color.x, rounding), byte_of(pixels.color.y, rounding),
+                   byte_of(pixels.color.z, rounding));
+    }
+    if (EXTRA(scene, more)) {
+        const Frame camera = frame;
+        const Packet of = packet;
+        const Pixels shown = pixels;
+        const Outputs others = out;
+        write_more(&camera, scene, &of, &shown, &others, first);
+    }
     for (int k = 0; HAS(OUT_WORK) && k < COUNTERS; k++)
-        STORE(int, out.work + k, first, pitch, COUNTERS, work->count[k]);
+        STORE(int, out.work + k, first, out.pitch, COUNTERS, work->count[k]);
 }

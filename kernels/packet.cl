@@ -142,7 +142,7 @@ typedef SHADE_INT SHADE_MASK;
 #if !(__has_builtin(__builtin_reduce_or) && __has_builtin(__builtin_reduce_max))
 #define ANY(mask) (PASTE(any_of_, W)(mask) != 0)
 #define LARGEST(value) PASTE(largest_of_, W)(value)
-#elif W == 16 && (defined(WITH_TRIANGLES) || defined(WITH_BLOCKS)) && defined(__AVX512DQ__)
+#elif W == 16 && (defined(WITH_TRIANGLES) || defined(WITH_SAMPLES)) && defined(__AVX512DQ__)
 #define ANY(mask) (__builtin_ia32_cvtd2mask512(mask) != 0)
 #define LARGEST(value) __builtin_reduce_max(value)
 #else

@@ -21,6 +21,11 @@ static Work no_work(void) {
         if (HAS(OUT_WORK)) work->count[HAS(OUT_WORK) ? kind : 0] += (mask) ? (INT)1 : (INT)0; \
     } while (0)
 
+/* What few pictures without bounces have, and a field of the scene tells: programs of the others are faster without it.
+ * They have bytes, and nothing else. */
+#define EXTRA(scene, field) (HAS(WITH_EXTRAS) && (scene)->field)
+#define HAS_COLORS(scene) (!HAS(WITH_EXTRAS) || (scene)->shading)
+
 /* Whether the host wants nothing more. What long loops leave then is no picture: the host has it drawn again. */
 static int is_over(const Scene *scene) {
     return *scene->last < 0;

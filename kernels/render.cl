@@ -11,9 +11,8 @@ typedef struct {
 /* Of pixels that a margin of a region holds, too, nothing is noted. Once a pixel takes too many rays, packets behind it
  * are not rendered: all packets before that one still are. So it is always the same pixel that is noted in the end. */
 static MASK wanted_of(const int4 region, const INT column, const INT row, const Outputs out) {
-    const MASK before = (column < region.x + region.z) & (row < region.y + region.w);
-    if (!HAS(WITH_CEILING)) return before;
-    return before & (column >= region.x + out.margin.x) & (row >= region.y + out.margin.y);
+    return (column < region.x + region.z) & (row < region.y + region.w) & (column >= region.x + out.margin.x) &
+           (row >= region.y + out.margin.y);
 }
 
 /* The packets of the whole picture, counted row by row. */
@@ -23,12 +22,12 @@ static int number_of(const Packet packet) {
 }
 
 static int is_given_up(const Scene *scene, const Packet packet) {
-    return HAS(WITH_CEILING) ? number_of(packet) > *scene->last / W : is_over(scene);
+    return HAS(WITH_SPLITS) ? number_of(packet) > *scene->last / W : is_over(scene);
 }
 
 /* Notes the first lane of a packet that is overgrown, unless such a pixel of an earlier packet is noted. */
 static void note_overgrown(const Scene *scene, const Packet packet, const Pixels pixels) {
-    if (!HAS(WITH_CEILING) || !RARELY(ANY(pixels.overgrown))) return;
+    if (!HAS(WITH_SPLITS) || !RARELY(ANY(pixels.overgrown))) return;
     int each[W], lane = 0;
     STORE_LANES(pixels.overgrown, each);
     while (!each[lane]) lane++;
@@ -52,7 +51,7 @@ static Ray ray_of(const Frame frame, const Packet packet) {
 /* What a packet shows, where its tile is not all background. pixels: as they are where nothing is hit. */
 #ifdef WITH_SAMPLES
 static Pixels seen_by(const Frame frame, const Scene *scene, const Packet packet, Pixels pixels, Known *known) {
-    if (HAS(WITH_CENTRES)) pixels = trace(frame, scene, ray_of(frame, packet), packet.tile, pixels, &known->work);
+    if (EXTRA(scene, centres)) pixels = trace(frame, scene, ray_of(frame, packet), packet.tile, pixels, &known->work);
     sample_pixels(frame, scene, packet, &known->corners, &pixels, &known->work);
     return pixels;
 }
@@ -73,7 +72,7 @@ static void render_packet(const Frame frame, const Scene *scene, const int2 size
     Pixels pixels = {{INFINITY, -1, {0, 0, 1}}, {frame.background.x, frame.background.y, frame.background.z}};
     pixels.wanted = within;
     const int at = place.y * out.pitch + place.x;
-    if (HAS(WITH_PASSES) && scene->started) pixels.color = colors_so_far(out, at);
+    if (EXTRA(scene, started)) pixels.color = colors_so_far(out, at);
     Work *work = &known->work;
     if (tile_has_any(scene->lists, packet.tile)) {
         pixels = seen_by(frame, scene, packet, pixels, known);
@@ -91,14 +90,13 @@ static void render_packet(const Frame frame, const Scene *scene, const int2 size
 }
 
 /* Each work-item renders RUN packets, side by side, one after the other. That is a loop here rather than a work-group:
- * where a group has several work-items, PoCL keeps all variables in memory, which took a tenth of the time. WITH_BLOCKS
- * there are BLOCK_ROWS rows of them, rendered column by column: what a packet has brought into the cache is still there
- * for those below it and beside it. With 100 lights that takes 0.9 of the time that row by row takes. */
-#define ROWS (HAS(WITH_BLOCKS) && W > 1 ? (HAS(WITH_SAMPLES) ? SAMPLED_ROWS : BLOCK_ROWS) : 1)
+ * where a group has several work-items, PoCL keeps all variables in memory, which took a tenth of the time. Of many
+ * lights or samples there are `high` rows of them, rendered column by column: what a packet has brought into the cache
+ * is still there for those below it and beside it. With 100 lights that takes 0.9 of the time that row by row takes. */
 
-/* Where in the region a work-item begins. row: of the region, at which the launch starts. */
-static int2 place_of_item(const int row) {
-    return (int2)((int)get_global_id(0) * RUN * PACKET_WIDTH, row + (int)get_global_id(1) * ROWS * PACKET_HEIGHT);
+/* Where in the region a work-item begins. row: of the region, at which the launch starts; high: as above. */
+static int2 place_of_item(const int row, const int high) {
+    return (int2)((int)get_global_id(0) * RUN * PACKET_WIDTH, row + (int)get_global_id(1) * high * PACKET_HEIGHT);
 }
 
 /* The loop is in the kernel itself, as compilers work on all that is in a function once more in each one that calls
@@ -109,16 +107,16 @@ __kernel void render(RENDER_PARAMETERS) {
     const Scene scene = SCENE_OF_PARAMETERS;
     if (is_drawn(&scene)) return;
     const Outputs out = OUTPUTS_OF_PARAMETERS;
-    const int2 begin = place_of_item(row);
+    const int2 begin = place_of_item(row, high);
     Known known;
 #ifdef WITH_SAMPLES
     known.corners.region = region;
     known.corners.begin = region.x + begin.x;
     known.corners.row[0] = known.corners.row[1] = -1;
 #endif
-    for (int k = 0; k < RUN * ROWS; k++) {
+    for (int k = 0; k < RUN * high; k++) {
         /* Samples have what two rows share in mind, so they go along these. */
-        const int column = HAS(WITH_SAMPLES) ? k % RUN : k / ROWS, line = HAS(WITH_SAMPLES) ? k / RUN : k % ROWS;
+        const int column = HAS(WITH_SAMPLES) ? k % RUN : k / high, line = HAS(WITH_SAMPLES) ? k / RUN : k % high;
         const int2 place = begin + (int2)(column * PACKET_WIDTH, line * PACKET_HEIGHT);
         if (place.x >= region.z || place.y >= region.w) continue;
         known.work = no_work();

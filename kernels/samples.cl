@@ -236,7 +236,7 @@ static __attribute__((noinline)) void find(const Frame *camera, const Scene *sce
     if (ANY(hit.id >= 0)) {
         const Intersection at = intersection_at(frame, scene, ray, hit);
         show_colors(at.hit, follow(frame, scene, ray, at, hit.id, &pixels, work), &pixels);
-        if (HAS(WITH_TEXTURES) & !HAS(WITH_BOUNCES)) {
+        if (EXTRA(scene, textures) && !HAS(WITH_BOUNCES)) {
             MARK(texels, at.texel >= 0, at.texel, 0);
             work->uneven = at.hit & at.uneven;
         }
@@ -275,7 +275,7 @@ static const Found *corners_of_row(const Frame frame, const Scene *scene, const 
 /* Sums over rays through a packet's pixels: red, green, blue and how many met a surface; the smallest and largest of
  * each. count: how many rays; late: whether one took too many; uneven: whether a texture may hide something from the
  * first ones; met: what these have met. */
-#define FIRST_MET (HAS(WITH_TEXTURES) ? 8 : 1)
+#define FIRST_MET 8
 typedef struct {
     INT sum[4], low[3], high[3], count, late, uneven, met[FIRST_MET];
 } Totals;
@@ -299,9 +299,9 @@ static INT contrast_of(const Totals *totals) {
 }
 
 /* In which pixels a texture may hide something from the first rays, if these have met more than so many kinds. */
-static INT may_hide(const Totals *totals, const int rays, const int most) {
+static INT may_hide(const Scene *scene, const Totals *totals, const int rays, const int most) {
     INT kinds = 0, uneven = 0;
-    for (int i = 0; HAS(WITH_TEXTURES) && i < rays; i++) {
+    for (int i = 0; EXTRA(scene, textures) && i < rays; i++) {
         MASK known = 0;
         for (int j = 0; j < i; j++) known = known | (totals->met[j] == totals->met[i]);
         kinds += known ? (INT)0 : (INT)1;
@@ -334,13 +334,13 @@ static MASK add_corners(const Frame frame, const Scene *scene, const Packet pack
         near = t < near ? t : near;
         mixed = mixed | (found[OBJECT] != corner[0].of[OBJECT]);
         rough = rough | (found[MET] != corner[0].of[MET]);
-        if (HAS(WITH_TEXTURES)) totals->met[k % FIRST_MET] = found[MET];
+        if (EXTRA(scene, textures)) totals->met[k] = found[MET];
         add_corner(found, totals);
     }
     rough = rough | (contrast_of(totals) > MOST_SLOPE);
     totals->count = 4;
     totals->sum[3] = corner[0].of[OBJECT] >= 0 ? (INT)4 : (INT)0;
-    totals->uneven = may_hide(totals, 4, 2);
+    totals->uneven = may_hide(scene, totals, 4, 2);
     view->object = corner[0].of[OBJECT];
     view->near = near;
     view->far = far;
@@ -427,7 +427,7 @@ static void add_ray(const Found *found, const int lane, const int pixel, Totals 
     sum[3 * W] += parts[OBJECT * W] >= 0;
     ((int *)&totals->late)[pixel] |= parts[LATE * W];
     const int number = ((int *)&totals->count)[pixel]++;
-    if (HAS(WITH_TEXTURES)) ((int *)totals->met)[number % FIRST_MET * W + pixel] = parts[MET * W];
+    ((int *)totals->met)[number % FIRST_MET * W + pixel] = parts[MET * W];
 }
 
 /* Adds 4 rays of the lattice, which are one themselves, to the sums over corners of those pixels that are `doubtful`.
@@ -462,7 +462,7 @@ static MASK try_few(const Frame *finer, const Scene *scene, const Packet packet,
         bent = max(bent, max(more, -more));
     }
     const MASK differ = (contrast > MOST_SLOPE) & ((contrast > MOST_BEND) | (bent > 4 * MOST_BENT));
-    totals->uneven = doubtful ? may_hide(totals, FIRST_MET, MOST_KINDS) : totals->uneven;
+    totals->uneven = doubtful ? may_hide(scene, totals, FIRST_MET, MOST_KINDS) : totals->uneven;
     return doubtful & (differ | (totals->uneven != 0));
 }
 

@@ -56,7 +56,6 @@ static Intersection intersection_at(const Frame frame, const Scene *scene, const
 /* The lanes of `lit` in which nothing stops the light. rays: how many each lane has sent, counted up. */
 static MASK cast_shadow_ray(const Scene *scene, const ShadowRay ray, const Start start, const MASK lit, INT *rays,
                             Work *work) {
-    if (!HAS(WITH_SHADOWS)) return lit;
     *rays += lit ? (INT)1 : (INT)0;
     const MASK unsure = lit & may_be_stopped(scene, ray.number, ray.own);
     COUNT(SHADOW_RAYS, unsure);
@@ -74,8 +73,7 @@ static void illuminate(const Scene *scene, const int number, const Intersection 
     const int kind = kind_of(light);
     const Direction direction = direction_to(light, kind, at.normal, at.start);
     MASK lit = at.hit & TO_MASK(at.start.side * direction.cosine > 0);
-    lit = lit & reaches(light, kind, direction.w);
-    if (HAS(WITH_BLACK)) lit = lit & !at.black;
+    lit = lit & reaches(light, kind, direction.w) & !at.black;
     COUNT(FACING_AWAY, at.hit & !lit);
     if (!ANY(lit)) return;
     const ShadowRay ray = shadow_ray_to(scene, number, is_at_point(kind), direction.w, own);
@@ -90,7 +88,6 @@ static void illuminate(const Scene *scene, const int number, const Intersection 
  * lane's shadow rays, counted up. */
 static Shade3 shade(const Scene *scene, const Real3 d, const REAL a, const Intersection at, const INT own, INT *rays,
                     Work *work) {
-    if (!HAS(WITH_LIGHTS)) return at.ambient;
     const SHADE over = 1 / sqrt(TO_SHADE(a));
     const INT left = HAS(WITH_PLANES) ? at.start.index : own;
     Lighting lighting = {{TO_SHADE(d.x) * over, TO_SHADE(d.y) * over, TO_SHADE(d.z) * over}, at.ambient, *rays};
@@ -113,10 +110,10 @@ static Shade3 follow(const Frame frame, const Scene *scene, const Ray ray, const
  * tile: the packet's place in the picture, in units of TILE x TILE pixels. */
 static Pixels trace(const Frame frame, const Scene *scene, const Ray ray, const int2 tile, Pixels pixels, Work *work) {
     const Hit hit = pixels.hit = closest_hit(scene, ray, tile, work);
-    if (!HAS(WITH_INTERSECTION) || !ANY(hit.id >= 0)) return pixels;
+    if (!(HAS_COLORS(scene) || EXTRA(scene, shown)) || !ANY(hit.id >= 0)) return pixels;
     Intersection at = intersection_at(frame, scene, ray, hit);
-    if (HAS(WITH_PASSES) && scene->started) at.ambient = pixels.color;
-    if (HAS(WITH_SHADING)) show_colors(at.hit, follow(frame, scene, ray, at, hit.id, &pixels, work), &pixels);
-    show_points(frame, at, &pixels);
+    if (EXTRA(scene, started)) at.ambient = pixels.color;
+    if (HAS_COLORS(scene)) show_colors(at.hit, follow(frame, scene, ray, at, hit.id, &pixels, work), &pixels);
+    if (EXTRA(scene, shown)) show_points(frame, at, &pixels);
     return pixels;
 }

@@ -98,10 +98,10 @@ MUTATIONS = {
         lambda original, center, radius, shape, number, by_place: original(center, radius, shape, -number, by_place),
         "tests/plan/test_culling.py -k of_equal_spheres",
     ),
-    "two surfaces have no shadows": Python(
-        "plan.plan:features",
-        lambda original, world, *more: original(world, *more) - ({"WITH_SHADOWS"} if len(world.id) <= 2 else set()),
-        "tests/kernels/test_scenes.py tests/run/test_abi.py",
+    "textures are left out where normals are an output": Python(
+        "plan.plan:choices",
+        lambda original, *of: (found := original(*of)) | ({"textures": 0} if found["shown"] else {}),
+        "tests/kernels/test_textures_kernel.py",
     ),
     # ------------------------------------------------------------------------------- the exact engine and the reference
     "an edge belongs to the other triangle, in the exact engine": Python(

@@ -146,7 +146,7 @@ COUNTERS = {
     "SAMPLED": "pixels that have all samples, as the rays through their corners do not agree",
 }
 
-# The kinds of lights that are traced, by their numbers <KIND>_LIGHT in kernels/lights.cl. Each has a flag WITH_<KIND>.
+# The kinds of lights that are traced, by their numbers <KIND>_LIGHT in kernels/lights.cl.
 LIGHT_KINDS = ("parallel", "point", "spot", "lambert")
 
 
@@ -172,14 +172,28 @@ ARGUMENTS = (
         ("size", "int2", "pixels of the whole picture"),
         ("region", "int4", "x, y, width, height of the part that is wanted, in pixels; x and y are multiples of TILE"),
         ("row", "int", "row of the region at which this launch starts"),
+        ("high", "int", "rows of packets that a work-item renders; launches have multiples of it"),
     ),
-    *_values("Outputs", "", ("pitch", "int", "pixels in a row of the outputs, which hold whole packets")),
+    *_values(
+        "Outputs",
+        "",
+        ("pitch", "int", "pixels in a row of the outputs, which hold whole packets"),
+        ("margin", "int2", "columns and rows of the region that nobody wants: it begins at a tile"),
+    ),
     *_values(
         "Scene",
         "",
         ("lights", "int", "how many lights there are"),
         ("count", "int", "how many spheres there are"),
         ("unit", "real", "a power of two: a length of type real, times this, is in the float buffers' unit"),
+        ("shading", "int", "whether colours are wanted"),
+        ("more", "int", "whether there are outputs other than bytes"),
+        ("shown", "int", "whether normals or places on textures are outputs"),
+        ("mapped", "int", "whether it is to be known where points are on textures"),
+        ("textures", "int", "how many textures there are that a wanted colour may depend on"),
+        ("plenty", "int", "whether there are so many surfaces that a cache holds few of them"),
+        ("started", "int", "whether `so_far` has colours of lights that have been added before"),
+        ("materials", "int", "how many materials there are"),
     ),
     *_buffers(
         "Geometry",
@@ -216,13 +230,10 @@ ARGUMENTS = (
         ("direction", "float", "unit vector of the pixel's ray in the world", 3),
         ("depth", "real", "distance from the eye, or from the plane of an orthographic camera, infinite = nothing"),
         ("id", "int", "the surface's number in the scene, -1 = nothing"),
-    ),
-    *_outputs("OUT_PRIMITIVE", ("primitive", "int", "a triangle's number within its mesh, -1 = a sphere or nothing")),
-    *_outputs("OUT_UV", ("uv", "float", "u, v: where the point is on a texture, 0 = nothing", 2)),
-    *_outputs("OUT_ERROR", ("error", "float", "an estimate of the mean colour's error, in levels of 255")),
-    *_outputs("OUT_COVERAGE", ("coverage", "float", "the share of the pixel that surfaces cover")),
-    *_outputs(
-        "",
+        ("primitive", "int", "a triangle's number within its mesh, -1 = a sphere or nothing"),
+        ("uv", "float", "u, v: where the point is on a texture, 0 = nothing", 2),
+        ("error", "float", "an estimate of the mean colour's error, in levels of 255"),
+        ("coverage", "float", "the share of the pixel that surfaces cover"),
         ("shadow_rays", "int", "to how many lights a shadow ray was sent"),
         ("work", "int", "how often the pixel did what COUNTERS names", len(COUNTERS)),
     ),
@@ -236,11 +247,18 @@ ARGUMENTS = (
         ("map_of", "int", "of a sphere, which of the maps makes it an ellipsoid; 0: none"),
         ("map", "Map", "the first one is 1"),
     ),
-    *_values("Scene", "WITH_BOUNCES", ("bounces", "int", "up to which depth rays are sent on; the eye's have depth 0")),
+    *_values(
+        "Scene",
+        "WITH_BOUNCES",
+        ("bounces", "int", "up to which depth rays are sent on; the eye's have depth 0"),
+        ("brightest", "real4", "rgb: more than anything in the scene shows, in units of a sum, 2^-40; w: the largest"),
+        ("faint", "real", "branches that add no more to a sum are dropped at first, in the same units; < 0: none are"),
+        ("prove", "int", "whether no float of `color` may depend on what is dropped, as no byte does"),
+    ),
     *_buffers("Scene", "WITH_BOUNCES", ("bounce", "real4", "of a material: reflectance, transmittance, index")),
     *_buffers(
         "Scene",
-        "WITH_TEXTURES",
+        "",
         ("texture_of", "int", "of a material, which texture its colour is multiplied with; -1: none"),
         ("texture", "int4", "x, y: its width and height; z: where in texel it begins; w: the number of a full colour"),
         ("texel", "uchar", "red, green, blue, row by row from the top; each takes two bytes if full is not 255"),
@@ -290,8 +308,8 @@ ARGUMENTS = (
     ),
     # -1: the planes do not clip it; 0: it belongs to no closed mesh.
     *_buffers("Scene", "WITH_PLANES", ("solid_of", "int", "of a surface, the number of its closed mesh, 0 or -1")),
-    *_values("Scene", "WITH_PATCHES", ("patches", "int", "how many patches there are")),
-    *_buffers("Scene", "WITH_PATCHES", ("patch", "Patch", "the tree's leaves of triangles")),
+    *_values("Scene", "WITH_TRIANGLES", ("patches", "int", "how many patches there are")),
+    *_buffers("Scene", "WITH_TRIANGLES", ("patch", "Patch", "the tree's leaves of triangles")),
     *_values("Geometry", "WITH_TRIANGLES", ("first_triangle", "int", "the index of the first triangle as a surface")),
     *_buffers(
         "Geometry",
@@ -305,7 +323,6 @@ ARGUMENTS = (
         "Scene",
         "WITH_TRIANGLES",
         ("triangles", "int", "how many triangles there are"),
-        ("materials", "int", "how many materials there are"),
     ),
     *_buffers(
         "Scene",
@@ -320,24 +337,17 @@ ARGUMENTS = (
         ("uv_face", "int4", "xyz: which of these a triangle's corners have; w: -1: none"),
     ),
     *_notes("Geometry", "IN_STAGES", ("undecided", "uchar", "whether any pixel is left to the second program; which")),
-    *_values("Scene", "WITH_UNSTOPPABLE", ("proved", "int", "of how many lights `unstoppable` is known")),
+    *_values("Scene", "WITH_TRIANGLES", ("proved", "int", "of how many lights `unstoppable` is known")),
     # For each light in turn, with the bits of 32 triangles in a number.
-    *_buffers("Scene", "WITH_UNSTOPPABLE", ("unstoppable", "int", "a bit for each triangle, see unstoppable.cl")),
-    *_values(
-        "Scene",
-        "WITH_DROPPING",
-        ("brightest", "real4", "rgb: more than anything in the scene shows, in units of a sum, 2^-40; w: the largest"),
-        ("faint", "real", "branches that add no more to a sum are dropped at first, in the same units; < 0: none are"),
-    ),
+    *_buffers("Scene", "WITH_TRIANGLES", ("unstoppable", "int", "a bit for each triangle, see unstoppable.cl")),
     *_values(
         "Scene",
         "WITH_SAMPLES",
         ("lattice", "int2", "x: log2 of N, the rays of a pixel where few do not agree; y: which lattice, see LATTICES"),
         ("scatter", "float", "what a mean over them is off by at most, mostly, for each 1 by which they differ"),
+        ("centres", "int", "whether more than those means is wanted of the pixels"),
     ),
-    *_values("Outputs", "WITH_CEILING", ("margin", "int2", "columns and rows of the region's first tile before it")),
-    *_values("Scene", "WITH_PASSES", ("started", "int", "whether `so_far` has colours of other lights")),
-    *_notes("Outputs", "WITH_PASSES", ("so_far", "shade4", "rgb: a pixel's colour in the lights so far, not clamped")),
+    *_notes("Outputs", "", ("so_far", "shade4", "rgb: a pixel's colour in the lights so far, not clamped")),
     # A pixel is W times its packet's number in the picture, row by row, plus its lane. The kernel writes one of more
     # than MOST_RAYS rays, and the host a number below 0 where it wants no more.
     *_notes("Scene", "", ("last", "int", "the last pixel that is wanted")),
@@ -354,8 +364,8 @@ CONSTANTS = {
     "FILTER_ROUNDINGS": 11,  # by so many times 2^-24, float32 filters of rays from a fixed point are made wider
     "DISC_ROUNDINGS": 8,  # the same for discs across a parallel light
     "FACET_ROUNDINGS": 6,  # the same for the planes of triangles' edges
-    "BLOCK_ROWS": 4,  # rows of packets that a work-item renders WITH_BLOCKS; launches have multiples of it
-    "SAMPLED_ROWS": 8,  # the same WITH_SAMPLES, where two rows share the rays through their corners
+    "BLOCK_ROWS": 4,  # rows of packets that a work-item renders where a cache holds few of the lights' lists
+    "SAMPLED_ROWS": 8,  # the same WITH_SAMPLES, as two rows share the rays through their corners
     "SQUARE": 8,  # texels in the side of a square of which it is known whether it is uneven
     "MOST_RAYS": MAX_RAYS,  # a pixel that takes more is given up
     "WIDEN": 24,  # the same for spheres as seen from anywhere: 2^-24 of the scene's size
@@ -369,22 +379,10 @@ FLAGS = {
     "IN_STAGES": "two programs draw a picture: the second one what the first one has marked as undecided",
     "WITHOUT_RARE": "this is the first one, which decides what double is sure of",
     "WITH_FILTER": "a float32 test with a proved bound goes before each decision",
-    "WITH_INTERSECTION": "more of a hit is needed than its index and distance",
-    "WITH_NORMAL": "its normal is needed",
-    "WITH_UV": "where it is on a texture is needed",
-    "WITH_TEXTURES": "some surface has a texture",
+    "WITH_EXTRAS": "there are textures, outputs beside bytes, very many surfaces or lights a few at a time",
     "WITH_PARALLEL_RAYS": "the camera's rays are parallel",
     "WITH_INSIDE": "the eye is inside of a sphere or on it",
-    "WITH_SHADING": "colours are wanted",
-    "WITH_LIGHTS": "some light may add to them",
-    **{f"WITH_{kind.upper()}": f"there is a {kind} light" for kind in LIGHT_KINDS},
-    "WITH_SHADOWS": "something may stand between a sphere and a light",
-    "WITH_UNSTOPPABLE": "it may be known of triangles that nothing stands between them and a light",
-    "WITH_PASSES": "lights are added to the picture a few at a time, each time by a launch",
-    "WITH_SPECULAR": "some sphere shines",
-    "WITH_BLACK": "some sphere reflects no light at all",
-    "WITH_PREFETCH": "there are so many spheres that a cache holds few of them",
-    "WITH_BLOCKS": "a cache holds few of the lights' lists: rays to lights start in blocks of the picture",
+    "WITH_POINTS": "there are lights at points, or may be: with parallel ones alone, frames take 0.94 of the time",
     "WITH_ELLIPSOIDS": "there are ellipsoids",
     "WITH_SHAPES": "there is more than spheres",
     "WITH_PLACED": "some shape is decided in the world",
@@ -392,20 +390,14 @@ FLAGS = {
     "WITH_BOUNCES": "something mirrors or is transparent",
     "WITH_RAYS": "the program is that of kernels/rays.cl: arrays of rays, of which the host decides those it marks",
     "WITH_WHOLE": "that program has whole numbers for triangles, which take as long to compile as all the rest",
-    "WITH_GLASS": "something is transparent",
-    "WITH_SPLITS": "something is both",
-    "WITH_DROPPING": "branches are dropped where no output shows them",
-    "WITH_CEILING": "a pixel may take more than MOST_RAYS rays",
-    "PROVE_COLOR": "no float of `color` may depend on what is dropped, as no byte does",
     **{f"WITH_{shape.upper()}S": f"there are {shape}s" for shape in SHAPES},
+    "WITH_SPLITS": "something mirrors and is transparent, so that a pixel may take many rays",
     "WITH_PLANES": "planes clip the scene",
-    "WITH_PATCHES": "rays from surfaces may meet triangles",
     "WITH_TREE": "rays from surfaces walk through a tree",
     "WITH_SAMPLES": "colours are means over pixels, of rays at fixed places",
-    "WITH_CENTRES": "more than those means is wanted of the pixels",
     "KEEP_HIGHLIGHTS": "highlights that no pixel shows are computed, too",
     "KEEP_WEIGHTLESS": "colours of no weight are computed, too",
-    **{f"OUT_{name.upper()}": f"write {name}" for name in OUTPUTS},
+    "OUT_WORK": "write what is counted",
 }
 
 

@@ -95,11 +95,6 @@ def kinds(lights: NDArray[np.void] | np.void) -> NDArray[np.integer[Any]]:
     return np.asarray(lights["kind"] - PARALLEL)
 
 
-def counts(lights: NDArray[np.void]) -> dict[str, int]:
-    """How many lights there are of each of LIGHT_KINDS."""
-    return dict(zip(LIGHT_KINDS, np.bincount(kinds(lights), minlength=len(LIGHT_KINDS)).tolist(), strict=True))
-
-
 def are_at_points(kinds: NDArray[Any]) -> Mask:
     """Which lights are at points, and not infinitely far away. kinds: their numbers in LIGHT_KINDS."""
     return np.asarray(kinds != ALONG)

@@ -33,14 +33,13 @@ class Materials:
     packed: (m, 8) of shade_dtype(): ka La C (rgb), kd C (rgb), ks, exponent, with La the ambient light and C the
     material's colour, linear; bounce: (m, 4) of real_dtype(): reflectance, transmittance, index of refraction, 0; empty
     where nothing mirrors or is transparent; texture: (m,), the index of each one's texture in the scene, -1 for none;
-    empty where there are none; shiny: whether any has highlights; black: (m,), which ones reflect nothing of any light
+    empty where there are none; black: (m,), which ones reflect nothing of any light
     that is not ambient, or None if all of them reflect; brightest: the largest ks.
     """
 
     packed: NDArray[Any]
     bounce: NDArray[Any]
     texture: NDArray[np.int32]
-    shiny: bool
     black: Mask | None
     brightest: float
 
@@ -83,7 +82,6 @@ class Materials:
             packed,
             bounce,
             texture if which is None or not len(texture) else texture.take(which),
-            shiny=bool(shade["ks"].any()),
             black=black,
             brightest=float(shade["ks"].max(initial=0)),
         )
@@ -226,7 +224,7 @@ class Bounces:
 
     def branches(self, max_bounces: int) -> int:
         """How many rays of a pixel may wait for others: one for each depth at most."""
-        return next(n for n in ROOMS if n > max_bounces) if self.splits else 1
+        return next(n for n in ROOMS if n > max_bounces) if self.splits else ROOMS[0]
 
 
 NO_BOUNCES = Bounces(False, False, False, 0.0)

@@ -42,7 +42,8 @@ def options(precision: Precision, features: frozenset[str], branches: int = 1) -
 def header() -> str:
     """The table in OpenCL C: constants, structs, and the kernel's parameters as macros."""
     lines = [f"#define {name} {value}" for name, value in CONSTANTS.items()]
-    lines += [f"#define IS_{name} 0" for name in FLAGS] + _light_kinds()
+    lines += [f"#define IS_{name} 0" for name in FLAGS]
+    lines += [f"#define {kind.upper()}_LIGHT {i}" for i, kind in enumerate(LIGHT_KINDS)]
     lines += [f"#define {name} {i}" for i, name in enumerate(COUNTERS)] + [f"#define COUNTERS {len(COUNTERS)}"]
     for name, fields in STRUCTS.items():
         lines += _struct(name, [(f"{f.type} {f.name}", f.text) for f in fields])
@@ -72,13 +73,6 @@ def for_its_shape(name: str, text: str) -> str:
         if name.startswith(f"shapes/{shape}/"):
             return f"#ifdef WITH_{shape.upper()}S\n#line 1\n{text}#endif\n"
     return text
-
-
-def _light_kinds() -> list[str]:
-    """The numbers of the kinds of lights, and how many of them a scene has."""
-    numbers = [f"#define {kind.upper()}_LIGHT {i}" for i, kind in enumerate(LIGHT_KINDS)]
-    has = " + ".join(f"HAS(WITH_{kind.upper()})" for kind in LIGHT_KINDS)
-    return [*numbers, f"#define KINDS_OF_LIGHTS ({has})"]
 
 
 def _common_need(arguments: list[Argument]) -> str:

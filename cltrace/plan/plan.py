@@ -18,15 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan import abi, opencl
-from cltrace.plan.lights import are_at_points, counts, kinds
+from cltrace.plan.lights import are_at_points, kinds
 from cltrace.plan.materials import limits
 from cltrace.plan.request import LATTICES, Region, Request
 from cltrace.plan.view import CameraView
 from cltrace.plan.world import ScenePacking
 from cltrace.scene import AnyCamera, Scene
 
-# From so many spheres on, the kernel fetches them ahead. A million then take 0.85 of the time, 300,000 take 0.93 and
-# 100,000 take 0.96 of it. 30,000 would take the same time, and 1,000 would take 1.02 of it (PoCL 3.1, 1920x1080).
+# From so many surfaces on, the kernel fetches them ahead. A million spheres then take 0.85 of the time, 300,000 take
+# 0.93 and 100,000 take 0.96 of it. 30,000 would take the same time, and 1,000 would take 1.02 (PoCL 3.1, 1920x1080).
 PLENTY = 2**16
 # From so many surfaces times lights on, packets are rendered in blocks. 100,000 spheres with 4, 12 and 100 lights then
 # take 0.92, 0.8 and 0.88 of the time, and 10,000 with 12 and 100 take 0.95 and 0.78 of it (PoCL 3.1, 1280x720).
@@ -40,59 +40,54 @@ KEPT = frozenset(("unstopped", "lists", "filter"))
 
 def features(world: ScenePacking, camera: AnyCamera, inside: bool, request: Request) -> frozenset[str]:
     """The names of the flags that are set. inside: whether the eye is inside of a surface or on it."""
-    shading = request.needs_colors
-    full = "features" in request.keep
-    surfaces = len(world.id)
-    lights, at_points = counts(world.lights), bool(are_at_points(kinds(world.lights)).any())
-    inside = inside or world.bounces.glass or full
-    black = world.materials.black is not None and bool(world.materials.black.any())
-    lit = shading and (full or (len(world.lights) > 0 and surfaces > 0))
-    bounces = shading and world.bounces.any and surfaces > 0
-    splits = bounces and world.bounces.splits
-    pays = world.bounces.shrinks and world.bounces.fades(camera.max_bounces)
-    drops = splits and (pays or full) and "branches" not in request.keep
-    textures = shading and len(world.textures["texture"]) > 0
-    sampled = shading and request.means
-    uv = textures or "uv" in request.outputs
-    bounded = request.precision != "single" and KEPT.isdisjoint(request.keep) and not world.clipping
-    points = lit and (at_points or full) and bounded
-    needed = {"shape": True, "bounces": bounces, "points": points}
-    flags = {f"OUT_{name.upper()}": True for name in request.outputs}
-    flags["WITH_SPHERES"] = not surfaces  # without any, the kernel knows the first shape alone
-    flags |= {flag: needed[reason] for shape in world.shapes for flag, reason in shape.flags.items()}
+    surfaces, full, keep = len(world.id), "features" in request.keep, request.keep
+    bounces = request.needs_colors and world.bounces.any and surfaces > 0
+    flags = {"WITH_SPHERES": not surfaces}  # without any, the kernel knows the first shape alone
+    flags |= {flag: True for shape in world.shapes for flag in shape.flags}
+    extras = request.outputs != ("rgb8",) or len(world.textures["texture"]) > 0 or surfaces >= PLENTY
     flags |= {
-        "WITH_FILTER": "filter" not in request.keep,
-        "WITH_INTERSECTION": shading or uv or "normal" in request.outputs,
-        "WITH_NORMAL": lit or bounces or uv or "normal" in request.outputs,
-        "WITH_UV": uv,
-        "WITH_TEXTURES": textures,
-        "WITH_INSIDE": inside,
-        "WITH_SHADING": shading,
+        "WITH_FILTER": "filter" not in keep,
+        "WITH_EXTRAS": extras or full,
+        "WITH_INSIDE": inside or bounces or full,
+        "WITH_POINTS": full or bool(are_at_points(kinds(world.lights)).any()),
         "WITH_PARALLEL_RAYS": camera.parallel,
-        "WITH_LIGHTS": lit,
-        **{f"WITH_{kind.upper()}": lit and (number > 0 or full) for kind, number in lights.items()},
-        "WITH_SHADOWS": lit and (surfaces > 1 or inside),
-        "WITH_SPECULAR": lit and (world.materials.shiny or full),
-        "WITH_BLACK": lit and (black or full),
-        "WITH_PREFETCH": surfaces >= PLENTY,
-        "WITH_BLOCKS": sampled or (lit and surfaces * len(world.lights) >= VIEWS),
         "WITH_LEAVING": bounces or any(shape.leave for shape in world.shapes),
         "WITH_BOUNCES": bounces,
-        "WITH_GLASS": bounces and world.bounces.glass,
-        "WITH_SPLITS": splits,
-        "WITH_DROPPING": drops,
-        "WITH_CEILING": splits and (world.bounces.overgrows(camera.max_bounces) or full),
-        "PROVE_COLOR": drops and "color" in request.outputs and not request.means,
-        "WITH_TREE": bounces and surfaces > FOREST and "tree" not in request.keep,
-        "WITH_SAMPLES": sampled,
-        "WITH_CENTRES": sampled and not {"rgb8", "color", "error", "coverage"}.issuperset(request.outputs),
-        "KEEP_HIGHLIGHTS": lit and "highlights" in request.keep,
-        "KEEP_WEIGHTLESS": bounces and "weightless" in request.keep,
+        "WITH_SPLITS": bounces and world.bounces.splits,
+        "WITH_TREE": bounces and surfaces > FOREST and "tree" not in keep,
+        "WITH_SAMPLES": request.needs_colors and request.means,
+        "KEEP_HIGHLIGHTS": "highlights" in keep,
+        "KEEP_WEIGHTLESS": bounces and "weightless" in keep,
+        "OUT_WORK": "work" in request.outputs,
     }
+    if bounces and "WITH_SHAPES" in flags:
+        # Then these cost less than 2 % of a frame, and such scenes share a program.
+        flags |= {"WITH_EXTRAS": True, "WITH_POINTS": True, "WITH_TREE": "tree" not in keep}
     if world.clipping:
         # Clipped rays are decided in the world, and as those are that may start anywhere.
         flags |= dict.fromkeys(("WITH_PLANES", "WITH_LEAVING", "WITH_SHAPES", "WITH_PLACED"), True)
     return frozenset(name for name, wanted in flags.items() if wanted)
+
+
+def choices(world: ScenePacking, camera: AnyCamera, request: Request) -> dict[str, Any]:
+    """The kernel's arguments that say what a picture needs of a program: without branches for that, there would be
+    many programs."""
+    shading, surfaces, full = request.needs_colors, len(world.id), "features" in request.keep
+    textures = len(world.textures["texture"]) if shading else 0
+    splits = world.bounces.splits
+    pays = world.bounces.shrinks and world.bounces.fades(camera.max_bounces)
+    drops = shading and splits and (pays or full) and "branches" not in request.keep
+    found = limits(world.bounces, world.peak, request)
+    return found | {
+        "shading": shading,
+        "shown": not {"normal", "uv"}.isdisjoint(request.outputs),
+        "mapped": textures > 0 or "uv" in request.outputs,
+        "textures": textures,
+        "plenty": surfaces >= PLENTY,
+        "faint": found["faint"] if drops else -1.0,
+        "prove": drops and "color" in request.outputs,
+        "centres": not {"rgb8", "color", "error", "coverage"}.issuperset(request.outputs),
+    }
 
 
 # A pass has at most so many pairs of a surface and a light. A sphere and a light take 60 bytes: a filter constant, and
@@ -133,7 +128,9 @@ class Plan:
 
     request: precision, outputs and crop; size: (width, height) of the whole picture in pixels; region, exponent,
     arrays, skipped, seconds: of CameraView; features: names of abi.FLAGS; branches: of opencl.options(); values: the
-    kernel's arguments by name that are neither buffers nor outputs, but for those that only the launch knows.
+    kernel's arguments by name that are neither buffers nor outputs, but for those that only the launch knows; blocks:
+    whether packets are rendered in blocks; passes: whether this is one of several, see passes_of(); unstoppable:
+    whether it may be known of triangles that nothing stands between them and a light.
     """
 
     request: Request
@@ -144,6 +141,9 @@ class Plan:
     branches: int
     arrays: dict[str, NDArray[Any]]
     values: dict[str, Any]
+    blocks: bool
+    passes: bool
+    unstoppable: bool
     skipped: dict[str, int]
     seconds: dict[str, float]
 
@@ -153,13 +153,14 @@ class Plan:
 
         request: the one that world and view were made for, or the same with other outputs.
         """
-        camera = view.camera
+        camera, flags = view.camera, features(world, view.camera, view.inside, request)
         n = request.samples or 1
         means = {"lattice": (n.bit_length() - 1, LATTICES[n]), "scatter": SCATTER[n]}
-        values = view.values | means | limits(world.bounces, world.peak, request)
-        flags = features(world, camera, view.inside, request)
-        if values["lights"] < len(world.lights):
-            flags = (flags | {"WITH_PASSES"}) - {"WITH_UNSTOPPABLE"}
+        values = view.values | means | choices(world, camera, request) | _frame(world, view, request)
+        lit, passes = len(world.lights) if values["shading"] else 0, values["lights"] < len(world.lights)
+        bounded = request.precision != "single" and KEPT.isdisjoint(request.keep) and not world.clipping
+        flags |= {"WITH_EXTRAS"} if passes else set()
+        at_points = bool(are_at_points(kinds(world.lights)).any())
         return cls(
             request=request,
             size=camera.resolution,
@@ -168,7 +169,10 @@ class Plan:
             features=flags,
             branches=world.bounces.branches(camera.max_bounces),
             arrays=view.arrays,
-            values=values | _frame(world, view, request) | {"size": camera.resolution},
+            values=values | {"size": camera.resolution, "more": passes or request.outputs != ("rgb8",)},
+            blocks="WITH_SAMPLES" in flags or len(world.id) * lit >= VIEWS,
+            passes=passes,
+            unstoppable="WITH_TRIANGLES" in flags and lit > 0 and at_points and bounded and not passes,
             skipped=view.skipped,
             seconds=view.seconds,
         )
@@ -184,9 +188,8 @@ class Plan:
 
     def counting(self) -> Plan:
         """The plan of a kernel that does all that this one's does, but writes only what it has counted."""
-        rest = (name for name in self.features if not name.startswith("OUT_"))
         request = replace(self.request, outputs=("work",), keep=())
-        return replace(self, request=request, features=frozenset((*rest, "OUT_WORK")))
+        return replace(self, request=request, features=self.features | {"OUT_WORK", "WITH_EXTRAS"})
 
     def options(self) -> list[str]:
         """The compiler's options. Scenes with the same precision, features and branches share a program."""

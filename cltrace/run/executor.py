@@ -254,7 +254,7 @@ class Executor:
         with timed(seconds, "build"), driver_errors(device), Announcement("compiling the kernel ..."):
             queue: Any = cl.CommandQueue(context_of(device.cl))
             built = BuiltKernel.of(plan, device, width, queue)
-        last = Last(queue.context, device, "WITH_CEILING" in plan.features)
+        last = Last(queue.context, device, "WITH_SPLITS" in plan.features)
         with timed(seconds, "upload"), driver_errors(device):
             buffers = _uploaded(made, device, queue, before) | {"last": last.buffer}
             if "WITH_TRIANGLES" in plan.features:
@@ -262,7 +262,7 @@ class Executor:
                 buffers["plane"] = cl.Buffer(queue.context, cl.mem_flags.READ_WRITE, size)
                 cl.enqueue_fill_buffer(queue, buffers["plane"], np.zeros(1, np.int32), 0, size)
             unstoppable = None
-            if "WITH_UNSTOPPABLE" in plan.features:
+            if plan.unstoppable:
                 unstoppable = Unstoppable(plan, device, same.unstoppable if same else None)
             queue.finish()
         executor = cls(
@@ -305,7 +305,7 @@ class Executor:
         cpu, context, flags = self.device.kind == "cpu", self.queue.context, cl.mem_flags
         use = flags.WRITE_ONLY | (flags.USE_HOST_PTR if cpu else 0)
         buffers = {n: cl.Buffer(context, use, a.nbytes, hostbuf=a if cpu else None) for n, a in arrays.items()}
-        if "WITH_PASSES" in self.plan.features:
+        if self.plan.passes:
             size = height * width * dtype_of("shade4", precision).itemsize
             buffers["so_far"] = cl.Buffer(context, flags.READ_WRITE, size)
         return FrameBuffers(self.room, width=width, height=height, arrays=arrays, buffers=buffers)
@@ -486,10 +486,14 @@ class Executor:
     @property
     def _lines(self) -> int:
         """How many rows of pixels a work-item renders."""
-        block, features = 1, self.plan.features
-        if "WITH_BLOCKS" in features and self.width > 1:
-            block = CONSTANTS["SAMPLED_ROWS"] if "WITH_SAMPLES" in features else CONSTANTS["BLOCK_ROWS"]
-        return block * self.packet.rows
+        return self._high * self.packet.rows
+
+    @property
+    def _high(self) -> int:
+        """How many rows of packets that are."""
+        if not self.plan.blocks or self.width == 1:
+            return 1
+        return CONSTANTS["SAMPLED_ROWS"] if "WITH_SAMPLES" in self.plan.features else CONSTANTS["BLOCK_ROWS"]
 
     def _launch(self, kernel: Kernel, frame: FrameBuffers, region: Region, row: int, rows: int) -> Any:
         """Starts a kernel for `rows` rows of a region from `row` on. Returns its event."""
@@ -501,11 +505,11 @@ class Executor:
                 self.built.undecided.begin(grid[0] * grid[1])
             self.buffers["undecided"] = self.built.undecided.marks
         proved = self.unstoppable.lights if self.unstoppable else 0
-        of_launch = {"region": region, "row": row, "pitch": frame.width, "margin": self._margin}
+        of_launch = {"region": region, "row": row, "pitch": frame.width, "margin": self._margin, "high": self._high}
         of_launch |= {"proved": proved, "started": int(self.started)}
-        # An output that nobody asked for is never written, but must be some buffer.
-        outputs = {name: frame.buffers.get(name, self.buffers["power"]) for name in OUTPUTS}
-        arguments = self.values | of_launch | self.buffers | outputs | frame.buffers
+        # What is no output is null, by which the kernel knows that nobody asked for it.
+        outputs = dict.fromkeys((*OUTPUTS, "so_far")) | frame.buffers
+        arguments = self.values | of_launch | self.buffers | outputs
         return kernel.start(self.queue, grid, self.packet.group, arguments)
 
 

@@ -74,7 +74,7 @@ class RayTracer:
         for shape in shapes:
             arrays |= shape.packed(real, None, axes, paths)
             values |= shape.values(first)
-            features |= {name for name, reason in shape.flags.items() if reason in ("shape", "bounces")}
+            features |= set(shape.flags)
             first += len(shape.number)
         self.number, triangles = arrays["id_of"], shapes[-1].number
         self.primitive = np.full(first, -1, np.int32)

@@ -13,7 +13,7 @@ static MASK may_be_shaded(const Scene *scene, const int light, const INT own) {
 /* In which lanes anything can stand between the light and the own surface at all. Of few spheres the host has a bit for
  * each one; of many, and of triangles, all bits are set. */
 static MASK may_be_stopped(const Scene *scene, const int number, const INT own) {
-    if (HAS(WITH_UNSTOPPABLE) && number < scene->proved) return may_be_shaded(scene, number, own);
+    if (HAS(WITH_TRIANGLES) && number < scene->proved) return may_be_shaded(scene, number, own);
     return -(((INT)scene->light_buffer[number].z >> (own & 31)) & 1);
 }
 

@@ -51,14 +51,12 @@ static __attribute__((always_inline)) Intersection material_at(const Scene *scen
     Intersection at;
     at.hit = id >= 0;
     at.ambient.x = at.ambient.y = at.ambient.z = at.diffuse.x = at.diffuse.y = at.diffuse.z = at.ks = at.exponent = 0;
-    if (HAS(WITH_SHADING)) put_materials(scene, id, &at);
-    if (HAS(WITH_BLACK))
-        at.black = TO_MASK((at.diffuse.x <= 0) & (at.diffuse.y <= 0) & (at.diffuse.z <= 0) & (at.ks <= 0));
+    if (HAS_COLORS(scene)) put_materials(scene, id, &at);
+    at.black = TO_MASK((at.diffuse.x <= 0) & (at.diffuse.y <= 0) & (at.diffuse.z <= 0) & (at.ks <= 0));
     return at;
 }
 
 /* The colour of a texture at a point: u to the right and v downwards, both 1 at its far edge. */
-#ifdef WITH_TEXTURES
 /* The two texels between which a point is, along one side of a texture, and its share of the way from the first. */
 typedef struct {
     INT first, second;
@@ -147,6 +145,3 @@ static void paint(const Scene *scene, const INT id, Intersection *at) {
     PUT_WHERE(here, at->diffuse.y, at->diffuse.y * color.y);
     PUT_WHERE(here, at->diffuse.z, at->diffuse.z * color.z);
 }
-#else
-#define paint(scene, id, at)
-#endif

@@ -95,12 +95,12 @@ static SHADE lobe(const SHADE z, const SHADE exponent) {
 /* All that is known of the points that were hit. */
 typedef struct {
     MASK hit;
-    MASK black;     /* WITH_BLACK, whether the material reflects no light at all */
+    MASK black;     /* whether the material reflects no light at all */
     Real3 normal;   /* outward unit normal of the sphere, in camera space */
     Start start;    /* where its shadow rays start; start.side * normal faces the ray */
     Real3 q;        /* WITH_SHAPES, see Spot and places_of() */
     REAL spread;    /* WITH_SHAPES, see lift() */
-    REAL u, v;      /* WITH_UV, where the points are on a texture, see materials.cl */
+    REAL u, v;      /* if they are wanted, where the points are on a texture, see materials.cl */
     Shade3 ambient; /* ka La C */
     Shade3 diffuse; /* kd C */
     SHADE ks, exponent;
@@ -154,19 +154,17 @@ static void phong(const Light light, const SHADE strength, const Shade3 l, const
      * diffuse and a highlight could overflow, see finite32() of plan/materials.py. */
     const SHADE cosine_nl = min(max(dot, (SHADE)0), (SHADE)1);
     SHADE highlight = 0;
-    if (HAS(WITH_SPECULAR)) {
-        /* r = 2 (n.l) n - l is l mirrored at n; v = -view. */
-        const Shade3 view = lighting->view;
-        const Shade3 e = {2 * dot * N.x - l.x + view.x, 2 * dot * N.y - l.y + view.y, 2 * dot * N.z - l.z + view.z};
-        const SHADE z = (shade_t)-0.5 * DOT(e, e);
-        /* As log(1 + z) <= z, the lobe is at most exp(exponent z). Where exponent z is less than light.cone.z, that is
-         * too faint for any pixel to show. */
-        const SHADE_MASK shines = on & (at.ks > 0) & (at.exponent * z >= (shade_t)light.cone.z);
-        COUNT(HIGHLIGHTS, TO_MASK(shines));
-        COUNT(FAINT_HIGHLIGHTS, TO_MASK(on & !shines));
-        if (HAS(KEEP_HIGHLIGHTS) || ANY(TO_MASK(shines)))
-            highlight = shines ? at.ks * lobe(z, at.exponent) * strength : (SHADE)0;
-    }
+    /* r = 2 (n.l) n - l is l mirrored at n; v = -view. */
+    const Shade3 view = lighting->view;
+    const Shade3 e = {2 * dot * N.x - l.x + view.x, 2 * dot * N.y - l.y + view.y, 2 * dot * N.z - l.z + view.z};
+    const SHADE z = (shade_t)-0.5 * DOT(e, e);
+    /* As log(1 + z) <= z, the lobe is at most exp(exponent z). Where exponent z is less than light.cone.z, that is
+     * too faint for any pixel to show. */
+    const SHADE_MASK shines = on & (at.ks > 0) & (at.exponent * z >= (shade_t)light.cone.z);
+    COUNT(HIGHLIGHTS, TO_MASK(shines));
+    COUNT(FAINT_HIGHLIGHTS, TO_MASK(on & !shines));
+    if (HAS(KEEP_HIGHLIGHTS) || ANY(TO_MASK(shines)))
+        highlight = shines ? at.ks * lobe(z, at.exponent) * strength : (SHADE)0;
     const SHADE amount = cosine_nl * strength;
     Shade3 *color = &lighting->color;
     color->x = on ? color->x + (at.diffuse.x * amount + highlight) * light.color.x : color->x;

@@ -28,13 +28,12 @@ static __attribute__((noinline)) void put_caps(const Frame *camera, const Scene 
         start_from_place(here, (Place3){place, {0, 0, 0}, 0}, &at->start);
         PUT3(PUT_WHERE, here, at->start.q, place);
         PUT_WHERE(cap, at->start.index, (INT)CAP);
-        if (HAS(WITH_UV)) PUT_WHERE(here, at->u, (REAL)0);
-        if (HAS(WITH_UV)) PUT_WHERE(here, at->v, (REAL)0);
-        if (!HAS(WITH_SHADING) || S.w < 0) continue;
+        PUT_WHERE(here, at->u, (REAL)0);
+        PUT_WHERE(here, at->v, (REAL)0);
+        if (!HAS_COLORS(scene) || S.w < 0) continue;
         const shade8 material = scene->material[(int)S.w];
         put_material(TO_SHADE_MASK(cap), material, at);
-        if (HAS(WITH_BLACK))
-            PUT_WHERE(cap, at->black, (MASK)(material.s3 + material.s4 + material.s5 + material.s6 <= 0 ? -1 : 0));
+        PUT_WHERE(cap, at->black, (MASK)(material.s3 + material.s4 + material.s5 + material.s6 <= 0 ? -1 : 0));
         at->matte = at->matte | cap;
     }
 }
@@ -48,8 +47,8 @@ static __attribute__((always_inline)) void put_surfaces(const Frame frame, const
     Hit own = hit;
     if (HAS(WITH_PLANES)) own.id = hit.plane >= 0 ? (INT)-1 : hit.id;
     if (HAS(WITH_PLANES)) at->matte = 0;
-    if (HAS(WITH_NORMAL)) EACH_SHAPE(scene->geometry, own.id, put(frame, scene, ray, own, at));
-    if (HAS(WITH_TEXTURES)) paint(scene, own.id, at);
+    EACH_SHAPE(scene->geometry, own.id, put(frame, scene, ray, own, at));
+    if (EXTRA(scene, textures)) paint(scene, own.id, at);
     if (HAS(WITH_PLANES) && ANY(hit.plane >= 0)) {
         const Leaving way = from_eye(scene->geometry, eye_ray(ray));
         put_caps(&frame, scene, &way, hit.plane, point_at(ray, hit.t), at);
@@ -64,7 +63,7 @@ static Intersection intersection_from(const Frame frame, const Scene *scene, con
     if (HAS(WITH_PLANES)) own.id = met.plane >= 0 ? (INT)-1 : met.id;
     if (HAS(WITH_PLANES)) at.matte = 0;
     EACH_SHAPE(scene->geometry, own.id, put_from(frame, scene, ray, own, &at));
-    if (HAS(WITH_TEXTURES)) paint(scene, own.id, &at);
+    if (EXTRA(scene, textures)) paint(scene, own.id, &at);
     if (HAS(WITH_PLANES) && ANY(met.plane >= 0))
         put_caps(&frame, scene, &ray, met.plane, point_from(frame, scene, ray, met), &at);
     return at;
@@ -132,14 +131,9 @@ typedef struct {
     Float3 normal;          /* in the world, facing the ray; 0 where nothing was hit */
     INT rays;               /* shadow rays */
     FLOAT error, coverage;  /* WITH_SAMPLES: of the mean colour, in levels of 255; the share that surfaces have */
-    FLOAT u, v;             /* OUT_UV: where it is on a texture, 0 where nothing was hit */
-    MASK wanted, overgrown; /* WITH_CEILING: whether it is in the region; whether it takes more than MOST_RAYS rays */
+    FLOAT u, v;             /* where it is on a texture, 0 where nothing was hit */
+    MASK wanted, overgrown; /* WITH_BOUNCES: whether it is in the region; whether it takes more than MOST_RAYS rays */
 } Pixels;
-
-/* Which pixels are wanted, where too many rays may be one's end; all else does not ask. */
-static MASK wanted_lanes(const Pixels pixels) {
-    return HAS(WITH_CEILING) ? pixels.wanted : (MASK)ALL_LANES;
-}
 
 /* Puts colours into the pixels in which something was hit. */
 static __attribute__((always_inline)) void show_colors(const MASK hit, const Shade3 color, Pixels *pixels) {
@@ -149,13 +143,9 @@ static __attribute__((always_inline)) void show_colors(const MASK hit, const Sha
 
 /* Puts the normals of the points that were hit into pixels, and where these are on textures. */
 static __attribute__((always_inline)) void show_points(const Frame frame, const Intersection at, Pixels *pixels) {
-    if (HAS(OUT_NORMAL)) {
-        const Float3 world = to_world(frame, scaled(at.normal, at.start.side)), none = {0, 0, 0};
-        pixels->normal = none;
-        PUT3(PUT_WHERE, at.hit, pixels->normal, world);
-    }
-    if (HAS(OUT_UV)) {
-        pixels->u = at.hit ? TO_FLOAT(at.u) : (FLOAT)0;
-        pixels->v = at.hit ? TO_FLOAT(at.v) : (FLOAT)0;
-    }
+    const Float3 world = to_world(frame, scaled(at.normal, at.start.side)), none = {0, 0, 0};
+    pixels->normal = none;
+    PUT3(PUT_WHERE, at.hit, pixels->normal, world);
+    pixels->u = at.hit ? TO_FLOAT(at.u) : (FLOAT)0;
+    pixels->v = at.hit ? TO_FLOAT(at.v) : (FLOAT)0;
 }

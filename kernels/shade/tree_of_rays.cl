@@ -76,15 +76,12 @@ static Bounce bounce_at(const Scene *scene, const Intersection at, const Branch 
     bounce.inside = at.start.side < 0;
     bounce.mirrored = mirrored(rays.d, at.normal, at.start.side, spread_at(at));
     bounce.mirrors = rays.weight * R;
-    bounce.sends = 0;
-    if (HAS(WITH_GLASS)) {
-        const Refraction through = refracted(rays.d, at.normal, at.start.side, of.z, spread_at(at));
-        const REAL_MASK total = through.total & (T > 0);
-        COUNT(TOTAL, TO_MASK(total) & rays.live);
-        bounce.refracted = through.d;
-        bounce.mirrors = total ? rays.weight * (R + T) : bounce.mirrors;
-        bounce.sends = total ? (REAL)0 : rays.weight * T;
-    }
+    const Refraction through = refracted(rays.d, at.normal, at.start.side, of.z, spread_at(at));
+    const REAL_MASK total = through.total & (T > 0);
+    COUNT(TOTAL, TO_MASK(total) & rays.live);
+    bounce.refracted = through.d;
+    bounce.mirrors = total ? rays.weight * (R + T) : bounce.mirrors;
+    bounce.sends = total ? (REAL)0 : rays.weight * T;
     if (rays.depth > scene->bounces) {
         bounce.share = 1;
         bounce.mirrors = bounce.sends = 0;
@@ -115,7 +112,7 @@ static LONG slack_of(const REAL parts, const real roundings) {
  * rays that branch, so that 2^(bounces + 1 - depth) - 1 rays follow in each branch. */
 static MASK drop(const Scene *scene, const MASK branches, const REAL weight, const real faint, const int depth,
                  Sum3 *slack, Work *work) {
-    if (!HAS(WITH_DROPPING)) return 0;
+    if (!HAS(WITH_SPLITS)) return 0;
     const MASK dropped = branches & TO_MASK(weight * scene->brightest.w <= faint);
     COUNT(DROPPED, dropped);
     if (!ANY(dropped)) return dropped;
@@ -133,11 +130,11 @@ static MASK drop(const Scene *scene, const MASK branches, const REAL weight, con
 /* Marks what rays have met, where that has some weight; an edge in what has no more than FAINT_MARK is one of less than
  * a level. forget_marks() takes back what has been marked since, where the own colour has no weight either. */
 #define FAINT_MARK (real)0x1p-8f
-static MASK mark_met(const Branch rays, const Intersection at, Work *work) {
+static MASK mark_met(const Scene *scene, const Branch rays, const Intersection at, Work *work) {
     if (!HAS(WITH_SAMPLES)) return 0;
     const MASK marked = rays.live & TO_MASK(rays.weight > FAINT_MARK);
     MARK(mark, marked, rays.own, rays.depth);
-    if (HAS(WITH_TEXTURES)) {
+    if (EXTRA(scene, textures)) {
         MARK(texels, marked & (at.texel >= 0), at.texel, rays.depth);
         work->uneven = work->uneven | (marked & at.uneven);
     }
@@ -160,7 +157,7 @@ static void add_own_color(const Scene *scene, const Branch rays, Intersection at
                           Work *work) {
     const MASK shown = at.hit & TO_MASK(weight > 0);
     COUNT(WEIGHTLESS, at.hit & !shown);
-    const MASK marked = mark_met(rays, at, work);
+    const MASK marked = mark_met(scene, rays, at, work);
     const LANES(uint) mark = HAS(WITH_SAMPLES) ? work->mark : (LANES(uint))0;
     if (!HAS(KEEP_WEIGHTLESS)) at.hit = shown;
     if (ANY(at.hit)) {
@@ -189,7 +186,6 @@ static Branch go_on(const Scene *scene, const Branch rays, const Intersection at
     const INT left = HAS(WITH_PLANES) ? at.start.index : rays.own;
     Branch next = {mirrors, left, bounce.inside, at.normal, bounce.mirrored, bounce.mirrors, rays.depth + 1};
     if (HAS(WITH_SHAPES)) next.q = at.q;
-    if (!HAS(WITH_GLASS)) return next;
     MASK sends = rays.live & TO_MASK(bounce.sends > 0);
     if (rays.depth == 0) all->alone = all->alone & !sends;
     sends = sends & !drop(scene, sends, bounce.sends, all->faint, rays.depth, &all->slack, work);
@@ -228,10 +224,8 @@ static Gathered gather(const Frame frame, const Scene *scene, const Real3 d, Int
             if (ANY(rays.live)) {
                 if (is_over(scene)) return all;
                 COUNT(BOUNCES, rays.live);
-                if (HAS(WITH_CEILING)) {
-                    all.rays += rays.live ? (INT)1 : (INT)0;
-                    if (ANY(all.rays > MOST_RAYS)) return all;
-                }
+                all.rays += rays.live ? (INT)1 : (INT)0;
+                if (HAS(WITH_SPLITS) && ANY(all.rays > MOST_RAYS)) return all;
                 path = leaving(frame, scene->geometry, rays.own, rays.inner, rays.n, rays.q, rays.d);
                 met = closest_from(scene, &path, rays.live, FAR_END(scene, &path), work);
                 add_to(&all.sum, rays.live & (met.id < 0), rays.weight, background);
@@ -248,8 +242,8 @@ static Gathered gather(const Frame frame, const Scene *scene, const Real3 d, Int
 
 /* Which lanes' outputs might be others with what was dropped. Bytes and floats never fall as a sum grows. Of means over
  * pixels samples may lack a part of a level, see plan/materials.py. */
-static MASK unproven(const Frame frame, const Gathered all, const Shade3 color) {
-    if (!HAS(WITH_DROPPING)) return 0;
+static MASK unproven(const Frame frame, const Scene *scene, const Gathered all, const Shade3 color) {
+    if (!HAS(WITH_SPLITS) || all.faint < 0) return 0;
     if (HAS(WITH_SAMPLES)) {
         const LONG part = (LONG)MOST_DROPPED;
         const LONG more = (all.slack.x > part) | (all.slack.y > part) | (all.slack.z > part);
@@ -263,7 +257,7 @@ static MASK unproven(const Frame frame, const Gathered all, const Shade3 color) 
     const MASK bytes = (byte_of(color.x, rounding) != byte_of(high.x, rounding)) |
                        (byte_of(color.y, rounding) != byte_of(high.y, rounding)) |
                        (byte_of(color.z, rounding) != byte_of(high.z, rounding));
-    if (!HAS(PROVE_COLOR)) return bytes;
+    if (!scene->prove) return bytes;
     return bytes | (TO_FLOAT(color.x) != TO_FLOAT(high.x)) | (TO_FLOAT(color.y) != TO_FLOAT(high.y)) |
            (TO_FLOAT(color.z) != TO_FLOAT(high.z));
 }
@@ -277,23 +271,21 @@ static MASK unproven(const Frame frame, const Gathered all, const Shade3 color) 
 static Shade3 color_with_branches(const Frame frame, const Scene *scene, const Ray ray, Intersection at, const INT own,
                                   Pixels *pixels, Work *work) {
     Shade3 color = {0, 0, 0};
-    at.hit = at.hit & wanted_lanes(*pixels);
-    for (real faint = HAS(WITH_DROPPING) ? scene->faint : -1; ANY(at.hit);
-         faint = faint > 32 ? faint / 64 : (real)0.5f) {
+    if (HAS(WITH_SPLITS)) at.hit = at.hit & pixels->wanted; /* too many rays may be one's end */
+    for (real faint = scene->faint; ANY(at.hit); faint = faint > 32 ? faint / 64 : (real)0.5f) {
         clear_marks(at.hit, work);
         const Gathered all = gather(frame, scene, ray.d, at, own, faint, work);
         pixels->rays += all.shadow_rays;
-        if (HAS(WITH_CEILING)) {
-            const MASK overgrown = at.hit & (all.rays > MOST_RAYS);
-            pixels->overgrown = overgrown;
-            if (ANY(overgrown)) break;
+        if (HAS(WITH_SPLITS)) {
+            pixels->overgrown = at.hit & (all.rays > MOST_RAYS);
+            if (ANY(pixels->overgrown)) break;
         }
         Shade3 seen = color_of(all.sum);
         const SHADE_MASK alone = TO_SHADE_MASK(all.alone);
         PUT3(PUT_WHERE, alone, seen, all.first);
         const SHADE_MASK here = TO_SHADE_MASK(at.hit);
         PUT3(PUT_WHERE, here, color, seen);
-        at.hit = at.hit & !all.alone & unproven(frame, all, seen);
+        at.hit = at.hit & !all.alone & unproven(frame, scene, all, seen);
         COUNT(RETRACED, at.hit);
     }
     return color;

@@ -205,17 +205,18 @@ def test_only_textures_that_show_are_packed() -> None:
     assert len(textures["texel"]) == 54 + 8
 
 
-def test_flags() -> None:
-    assert "WITH_TEXTURES" in Plan.of_scene(globe(), Request()).features
+def test_what_needs_textures() -> None:
+    assert Plan.of_scene(globe(), Request()).values["textures"]
     for plan in (
         Plan.of_scene(globe(-1), Request()),  # only a material that nothing has
         Plan.of_scene(globe(), Request(outputs=("id", "normal", "depth"))),
     ):
-        assert not {"WITH_TEXTURES", "WITH_UV"} & plan.features
+        assert not plan.values["textures"]
+        assert not plan.values["mapped"]
         assert len(plan.arrays["texel"]) == 1
     seen = Plan.of_scene(globe(), Request(outputs=("uv",)))
-    assert "WITH_UV" in seen.features
-    assert "WITH_TEXTURES" not in seen.features
+    assert seen.values["mapped"]
+    assert not seen.values["textures"]
 
 
 def test_another_camera_keeps_the_texels(device: Device) -> None:

@@ -21,7 +21,7 @@ from cltrace.plan.rounding import Array, Ints, along, rotated
 from cltrace.plan.shapes.shape import Arrays, InView, ShapePacking, Sights, share
 from cltrace.scene import AnyCamera, Scene
 
-FLAGS = {"WITH_CYLINDERS": "shape", "WITH_SHAPES": "shape", "WITH_PLACED": "shape"}
+FLAGS = ("WITH_CYLINDERS", "WITH_SHAPES", "WITH_PLACED")
 # Bounds are wider by this share than double rounds.
 ROOM = 2.0**-40
 
@@ -57,7 +57,7 @@ class CylinderPacking(ShapePacking):
         outer = np.hypot(half, of["radius"]) * (1 + ROOM) + rounding
         inner = np.maximum(np.minimum(half, of["radius"]) * (1 - ROOM) - rounding, 0)
         tree = {"center": middle, "outer": outer, "inner": inner, "member": np.ones(len(row), bool)}
-        flags = FLAGS if len(row) else {}
+        flags = FLAGS if len(row) else ()
         return cls(row, of["number"], flags, tree, leave=len(row) > 0, **parts, of_material=of["material"])
 
     def material(self, scene: Scene) -> Ints:

@@ -325,8 +325,7 @@ def _exponent_of(normals: NDArray[np.float64]) -> int:
     return int(np.frexp(max(normals.max(initial=0), -normals.min(initial=0)))[1])
 
 
-FLAGS = dict.fromkeys(("WITH_TRIANGLES", "WITH_SHAPES", "WITH_PLACED"), "shape")
-FLAGS |= {"WITH_PATCHES": "bounces", "WITH_UNSTOPPABLE": "points"}
+FLAGS = ("WITH_TRIANGLES", "WITH_SHAPES", "WITH_PLACED")
 
 
 @dataclass(frozen=True, eq=False)
@@ -351,7 +350,7 @@ class MeshPacking(ShapePacking):
         attributes, m = corner_attributes(scene.meshes, triangles, request.precision, textured), len(triangles.face)
         tree = {"vertex": triangles.vertex, "face": triangles.face[:, :3]}
         of: dict[str, Any] = {"triangles": triangles, "attributes": attributes}
-        return cls(triangles.number, triangles.surface, FLAGS if m else {}, tree, leave=m > 0, **of)
+        return cls(triangles.number, triangles.surface, FLAGS if m else (), tree, leave=m > 0, **of)
 
     @property
     def left_out(self) -> int:

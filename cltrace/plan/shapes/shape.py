@@ -61,14 +61,14 @@ class ShapePacking(ABC):
     """All n surfaces of one shape in a world, in the order in which they are packed: what no camera changes.
 
     row: (n,), which one of the scene each one is, the same object as of another world if that has the same order;
-    number: (n,), the number of each one's surface in the scene; flags: abi.FLAGS that the kernel has for them, and what
-    for: the shape itself, bounces, or lights at points; tree: what Paths.of() wants of them, by name; leave: whether
-    rays that meet some of them are decided as those that leave surfaces; words: what they are, for messages.
+    number: (n,), the number of each one's surface in the scene; flags: abi.FLAGS that the kernel has for them; tree:
+    what Paths.of() wants of them, by name; leave: whether rays that meet some of them are decided as those that leave
+    surfaces; words: what they are, for messages.
     """
 
     row: Ints
     number: Ints
-    flags: dict[str, str]
+    flags: tuple[str, ...]
     tree: dict[str, Any]
     leave: bool
     words: ClassVar[str]

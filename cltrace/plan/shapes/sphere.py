@@ -241,8 +241,7 @@ class SpherePacking(ShapePacking):
             again = repeated(center, radius, shape=shape, number=number, by_place=by_place)
         maps = Maps.of(shape, scene.to_object) if (shape >= 0).any() else None
         reach = radius * maps.longest[maps.of_sphere] if maps else radius
-        flags = {"WITH_SPHERES": "shape"} if len(row) else {}
-        flags |= {"WITH_ELLIPSOIDS": "shape", "WITH_SHAPES": "shape"} if maps else {}
+        flags = ("WITH_SPHERES",) * bool(len(row)) + ("WITH_ELLIPSOIDS", "WITH_SHAPES") * bool(maps)
         # Each is between two spheres.
         core = radius * maps.shortest[maps.of_sphere] if maps else radius
         tree = {"center": center, "outer": reach, "inner": core, "member": ~again}

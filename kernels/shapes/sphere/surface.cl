@@ -61,7 +61,7 @@ static REAL_MASK ellipsoid_stops(const Geometry geometry, const Start P, const S
 /* Spheres and ellipsoids between a point and a light. */
 
 /* Where small_sphere_may_meet() is asked, too. */
-#define SMALL_SPHERES (HAS(WITH_PREFETCH) && REAL_BYTES == 8 && !HAS(WITH_ELLIPSOIDS))
+#define SMALL_SPHERES (EXTRA(scene, plenty) && REAL_BYTES == 8 && !HAS(WITH_ELLIPSOIDS))
 
 /* Whether the float32 filter leaves it open, for any lane of `may`, that the sphere stops the ray.
  *
@@ -190,7 +190,7 @@ static __attribute__((always_inline)) void sphere_put(const Frame frame, const S
         at->spread = 1;
     }
     stretch_at(frame, scene, ray, hit, round, at);
-    if (HAS(WITH_UV)) map_spheres(frame, at);
+    if (EXTRA(scene, mapped)) map_spheres(frame, at);
     if (HAS(WITH_PLACED)) start_in_world(frame, scene, hit.id, at);
 }
 
@@ -209,7 +209,7 @@ static __attribute__((always_inline)) void sphere_put_from(const Frame frame, co
         at->spread = 1;
     }
     stretch(at, spot, met.at.inside);
-    if (HAS(WITH_TEXTURES)) map_spheres(frame, at);
+    if (EXTRA(scene, mapped)) map_spheres(frame, at);
     if (HAS(WITH_PLACED)) start_in_world(frame, scene, met.id, at);
 }
 #endif

@@ -244,7 +244,7 @@ static void triangle_break_tie(const Geometry geometry, const Leaving ray, const
 #endif
 
 /* Rays that leave surfaces against the triangles in a leaf of the tree, in float32: see find/leaves.cl. */
-#ifdef WITH_PATCHES
+#ifdef WITH_BOUNCES
 
 /* How a ray stands to a triangle, for 8 triangles and for W rays. may: whether it may meet it. x, y, z: from P to A;
  * wx, wy, wz: the unit direction.
