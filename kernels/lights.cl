@@ -91,8 +91,8 @@ static REAL cosine_towards(const Start start, const Real3 n, const Real3 L, cons
     return REAL_BYTES == 4 ? (start.near_eye ? DOT(n, w) : by_center) : by_center;
 }
 
-/* Whether a light is at a point, and of a kind. */
-#define IS_LIGHT(kind, NAME) (HAS(WITH_POINTS) && (kind) == NAME##_LIGHT)
+/* Whether a light does not shine in all directions alike. */
+#define IS_BEAM(kind) (HAS(WITH_POINTS) && (kind) > POINT_LIGHT)
 
 /* Which kind a light is. So one loop over all lights can call illuminate() from one place, where it is inlined:
  * otherwise compilers copy an Intersection for each call, which took a fifth of the time. */
@@ -114,28 +114,33 @@ static Direction direction_to(const Light light, const int kind, const Real3 n, 
     return direction;
 }
 
+/* Lights that do not shine in all directions alike. Few scenes have one, so what is asked of them is out of line. */
+static __attribute__((noinline)) MASK beam_reaches(const int kind, const real4 axis, const Real3 w) {
+    const REAL along = -DOT(w, axis);
+    return kind == SPOT_LIGHT ? TO_MASK(along >= axis.w * sqrt(DOT(w, w))) : TO_MASK(along > 0);
+}
+
+static __attribute__((noinline)) SHADE beam_strength(const int kind, const real4 of, const float4 cone,
+                                                     const Shade3 l) {
+    const Shade3 axis = {(shade_t)of.x, (shade_t)of.y, (shade_t)of.z};
+    const SHADE cosine = -DOT(axis, l);
+    if (kind == LAMBERT_LIGHT) return cosine > 0 ? cosine : (SHADE)0;
+    if (!(cone.y > 0)) return 1;
+    const Shade3 cross = {axis.y * l.z - axis.z * l.y, axis.z * l.x - axis.x * l.z, axis.x * l.y - axis.y * l.x};
+    const REAL turns = turns_of(TO_REAL(sqrt(DOT(cross, cross))), TO_REAL(cosine));
+    const SHADE angle = TO_SHADE(turns * TURN);
+    const SHADE fall = 1 - (angle - cone.x) * cone.y;
+    return fall < 1 ? (fall > 0 ? fall : (SHADE)0) : (SHADE)1;
+}
+
 /* Whether the light shines along -w at all. w: from the point to the light, of any length. */
 static MASK reaches(const Light light, const int kind, const Real3 w) {
-    if (IS_LIGHT(kind, SPOT)) return TO_MASK(-DOT(w, light.axis) >= light.axis.w * sqrt(DOT(w, w)));
-    if (IS_LIGHT(kind, LAMBERT)) return TO_MASK(-DOT(w, light.axis) > 0);
-    return ALL_LANES;
+    return IS_BEAM(kind) ? beam_reaches(kind, light.axis, w) : (MASK)ALL_LANES;
 }
 
 /* The share of the light that leaves along -l. l: the unit vector from the point to the light. */
 static SHADE strength_of(const Light light, const int kind, const Shade3 l) {
-    const Shade3 axis = {(shade_t)light.axis.x, (shade_t)light.axis.y, (shade_t)light.axis.z};
-    if (IS_LIGHT(kind, SPOT) && light.cone.y > 0) {
-        const Shade3 cross = {axis.y * l.z - axis.z * l.y, axis.z * l.x - axis.x * l.z, axis.x * l.y - axis.y * l.x};
-        const REAL turns = turns_of(TO_REAL(sqrt(DOT(cross, cross))), TO_REAL(-DOT(axis, l)));
-        const SHADE angle = TO_SHADE(turns * TURN);
-        const SHADE fall = 1 - (angle - light.cone.x) * light.cone.y;
-        return fall < 1 ? (fall > 0 ? fall : (SHADE)0) : (SHADE)1;
-    }
-    if (IS_LIGHT(kind, LAMBERT)) {
-        const SHADE cosine = -DOT(axis, l);
-        return cosine > 0 ? cosine : (SHADE)0;
-    }
-    return 1;
+    return IS_BEAM(kind) ? beam_strength(kind, light.axis, light.cone, l) : (SHADE)1;
 }
 
 /* Puts in where a shadow ray is in the light's lists of what may stop it. Those of a light at a point are of cells of

@@ -24,6 +24,8 @@ static Work no_work(void) {
 /* What few pictures without bounces have, and a field of the scene tells: programs of the others are faster without it.
  * They have bytes, and nothing else. */
 #define EXTRA(scene, field) (HAS(WITH_EXTRAS) && (scene)->field)
+#define TEXTURED(scene) (HAS(WITH_TEXTURES) || EXTRA(scene, textures))
+#define MAPPED(scene) (HAS(WITH_TEXTURES) || EXTRA(scene, mapped))
 #define HAS_COLORS(scene) (!HAS(WITH_EXTRAS) || (scene)->shading)
 
 /* Whether the host wants nothing more. What long loops leave then is no picture: the host has it drawn again. */

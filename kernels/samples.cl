@@ -49,7 +49,7 @@ static MASK sphere_is_near(const Scene *scene, const Outlook view, const int ind
         const float r = (sqrt(s.z) + h) * (1 + 0x1p-20f) + 0x1p-21f;
         return FMA(s.x - x, s.x - x, (s.y - y) * (s.y - y)) <= r * r;
     }
-    const int stretched = HAS(WITH_ELLIPSOIDS) && scene->geometry.map_of[index];
+    const int stretched = MAP_OF(scene->geometry, index) != 0;
     const real unit = scene->unit;
     const float square = (s.x * s.x + s.y * s.y) + s.z * s.z;
     const float power = stretched ? square : (float)(scene->geometry.power[index].x * unit * unit);
@@ -63,7 +63,7 @@ static MASK sphere_is_near(const Scene *scene, const Outlook view, const int ind
  * outside, all of it is behind the tangent plane there: with the normal n, of any length, other rays w + e meet that at
  * t n.w / (n.w + n.e), parallel ones at t - n.e / n.w. */
 static MASK sphere_is_behind(const Scene *scene, const Outlook view, const int index) {
-    if (HAS(WITH_ELLIPSOIDS) && scene->geometry.map_of[index]) return 0;
+    if (MAP_OF(scene->geometry, index)) return 0;
     const Meeting at = sphere_meet(scene->geometry, view.ray, sphere_at(scene->geometry, index));
     const FLOAT t = TO_FLOAT(at.t * scene->unit) * (1 - 0x1p-20f);
     const Float3 n = {TO_FLOAT(at.from_center.x), TO_FLOAT(at.from_center.y), TO_FLOAT(at.from_center.z)};
@@ -236,7 +236,7 @@ static __attribute__((noinline)) void find(const Frame *camera, const Scene *sce
     if (ANY(hit.id >= 0)) {
         const Intersection at = intersection_at(frame, scene, ray, hit);
         show_colors(at.hit, follow(frame, scene, ray, at, hit.id, &pixels, work), &pixels);
-        if (EXTRA(scene, textures) && !HAS(WITH_BOUNCES)) {
+        if (TEXTURED(scene) && !HAS(WITH_BOUNCES)) {
             MARK(texels, at.texel >= 0, at.texel, 0);
             work->uneven = at.hit & at.uneven;
         }
@@ -301,7 +301,7 @@ static INT contrast_of(const Totals *totals) {
 /* In which pixels a texture may hide something from the first rays, if these have met more than so many kinds. */
 static INT may_hide(const Scene *scene, const Totals *totals, const int rays, const int most) {
     INT kinds = 0, uneven = 0;
-    for (int i = 0; EXTRA(scene, textures) && i < rays; i++) {
+    for (int i = 0; TEXTURED(scene) && i < rays; i++) {
         MASK known = 0;
         for (int j = 0; j < i; j++) known = known | (totals->met[j] == totals->met[i]);
         kinds += known ? (INT)0 : (INT)1;
@@ -334,7 +334,7 @@ static MASK add_corners(const Frame frame, const Scene *scene, const Packet pack
         near = t < near ? t : near;
         mixed = mixed | (found[OBJECT] != corner[0].of[OBJECT]);
         rough = rough | (found[MET] != corner[0].of[MET]);
-        if (EXTRA(scene, textures)) totals->met[k] = found[MET];
+        if (TEXTURED(scene)) totals->met[k] = found[MET];
         add_corner(found, totals);
     }
     rough = rough | (contrast_of(totals) > MOST_SLOPE);

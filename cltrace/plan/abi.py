@@ -241,6 +241,7 @@ ARGUMENTS = (
     *_buffers("Geometry", "WITH_LEAVING", ("place", "real4", "a sphere's centre in the world; radius")),
     *_values("Geometry", "WITH_SHAPES", ("eye", "real4", "xyz: the eye in the world")),
     *_values("Geometry", "WITH_PARALLEL_RAYS", ("ahead", "real4", "xyz: the direction of parallel rays, in the world")),
+    *_values("Geometry", "WITH_ELLIPSOIDS", ("maps", "int", "how many maps there are")),
     *_buffers(
         "Geometry",
         "WITH_ELLIPSOIDS",
@@ -373,15 +374,19 @@ CONSTANTS = {
     "EDGE_ROUNDINGS": 40,  # the same for triangles as seen from anywhere: 2^-24 of the lengths of two edges
 }
 
+# The flags of a program for surfaces of every shape.
+EVERY_SHAPE = (*(f"WITH_{shape.upper()}S" for shape in SHAPES), "WITH_ELLIPSOIDS", "WITH_SHAPES", "WITH_PLACED")
+
 # The -D flags without a value. Each is set if the scene, the outputs or the device need it.
 FLAGS = {
     "NO_FMA": "this driver's fma() is a slow call of a function: multiply and add instead",
     "IN_STAGES": "two programs draw a picture: the second one what the first one has marked as undecided",
     "WITHOUT_RARE": "this is the first one, which decides what double is sure of",
     "WITH_FILTER": "a float32 test with a proved bound goes before each decision",
-    "WITH_EXTRAS": "there are textures, outputs beside bytes, very many surfaces or lights a few at a time",
+    "WITH_EXTRAS": "there are outputs beside bytes, very many surfaces or lights a few at a time",
+    "WITH_TEXTURES": "some surface has a texture, and there are no extras, which have them, too",
     "WITH_PARALLEL_RAYS": "the camera's rays are parallel",
-    "WITH_INSIDE": "the eye is inside of a sphere or on it",
+    "WITH_INSIDE": "the eye may be inside of a sphere or on it",
     "WITH_POINTS": "there are lights at points, or may be: with parallel ones alone, frames take 0.94 of the time",
     "WITH_ELLIPSOIDS": "there are ellipsoids",
     "WITH_SHAPES": "there is more than spheres",
@@ -391,6 +396,7 @@ FLAGS = {
     "WITH_RAYS": "the program is that of kernels/rays.cl: arrays of rays, of which the host decides those it marks",
     "WITH_WHOLE": "that program has whole numbers for triangles, which take as long to compile as all the rest",
     **{f"WITH_{shape.upper()}S": f"there are {shape}s" for shape in SHAPES},
+    "WITH_GLASS": "something is transparent",
     "WITH_SPLITS": "something mirrors and is transparent, so that a pixel may take many rays",
     "WITH_PLANES": "planes clip the scene",
     "WITH_TREE": "rays from surfaces walk through a tree",

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cltrace.plan import abi, opencl
+from cltrace.plan.abi import EVERY_SHAPE
 from cltrace.plan.lights import are_at_points, kinds
 from cltrace.plan.materials import limits
 from cltrace.plan.request import LATTICES, Region, Request
@@ -44,15 +45,16 @@ def features(world: ScenePacking, camera: AnyCamera, inside: bool, request: Requ
     bounces = request.needs_colors and world.bounces.any and surfaces > 0
     flags = {"WITH_SPHERES": not surfaces}  # without any, the kernel knows the first shape alone
     flags |= {flag: True for shape in world.shapes for flag in shape.flags}
-    extras = request.outputs != ("rgb8",) or len(world.textures["texture"]) > 0 or surfaces >= PLENTY
+    extras = request.outputs != ("rgb8",) or surfaces >= PLENTY
     flags |= {
         "WITH_FILTER": "filter" not in keep,
         "WITH_EXTRAS": extras or full,
-        "WITH_INSIDE": inside or bounces or full,
+        "WITH_INSIDE": inside or (bounces and world.bounces.glass) or full,
         "WITH_POINTS": full or bool(are_at_points(kinds(world.lights)).any()),
         "WITH_PARALLEL_RAYS": camera.parallel,
         "WITH_LEAVING": bounces or any(shape.leave for shape in world.shapes),
         "WITH_BOUNCES": bounces,
+        "WITH_GLASS": bounces and world.bounces.glass,
         "WITH_SPLITS": bounces and world.bounces.splits,
         "WITH_TREE": bounces and surfaces > FOREST and "tree" not in keep,
         "WITH_SAMPLES": request.needs_colors and request.means,
@@ -60,12 +62,15 @@ def features(world: ScenePacking, camera: AnyCamera, inside: bool, request: Requ
         "KEEP_WEIGHTLESS": bounces and "weightless" in keep,
         "OUT_WORK": "work" in request.outputs,
     }
-    if bounces and "WITH_SHAPES" in flags:
-        # Then these cost less than 2 % of a frame, and such scenes share a program.
-        flags |= {"WITH_EXTRAS": True, "WITH_POINTS": True, "WITH_TREE": "tree" not in keep}
+    # So scenes share programs, where that takes less than 3 % of a frame, or few frames are drawn.
     if world.clipping:
         # Clipped rays are decided in the world, and as those are that may start anywhere.
-        flags |= dict.fromkeys(("WITH_PLANES", "WITH_LEAVING", "WITH_SHAPES", "WITH_PLACED"), True)
+        flags |= dict.fromkeys(("WITH_PLANES", "WITH_LEAVING", "WITH_INSIDE", *EVERY_SHAPE), True)
+    if inside or world.clipping:
+        flags["WITH_EXTRAS"] = True
+    flags["WITH_TEXTURES"] = len(world.textures["texture"]) > 0 and not flags["WITH_EXTRAS"]
+    if flags["WITH_EXTRAS"] and not bounces:
+        flags["WITH_POINTS"] = True
     return frozenset(name for name, wanted in flags.items() if wanted)
 
 
@@ -159,7 +164,7 @@ class Plan:
         values = view.values | means | choices(world, camera, request) | _frame(world, view, request)
         lit, passes = len(world.lights) if values["shading"] else 0, values["lights"] < len(world.lights)
         bounded = request.precision != "single" and KEPT.isdisjoint(request.keep) and not world.clipping
-        flags |= {"WITH_EXTRAS"} if passes else set()
+        flags = flags - {"WITH_TEXTURES"} | {"WITH_EXTRAS"} if passes else flags
         at_points = bool(are_at_points(kinds(world.lights)).any())
         return cls(
             request=request,

@@ -76,7 +76,10 @@ class RayTracer:
             values |= shape.values(first)
             features |= set(shape.flags)
             first += len(shape.number)
+        if "WITH_SHAPES" in features:
+            features |= set(abi.EVERY_SHAPE)  # so that few programs do
         self.number, triangles = arrays["id_of"], shapes[-1].number
+        self._triangles = len(triangles)
         self.primitive = np.full(first, -1, np.int32)
         self.primitive[first - len(triangles) :] = arrays["number_of"]
         sizes = np.concatenate([shape.sizes for shape in shapes])
@@ -98,7 +101,7 @@ class RayTracer:
         self._arguments |= {name: value for name, value in values.items() if name in types}
         self._arguments |= {name: self._buffer(a) for name, a in arrays.items() if name in types and len(a)}
         if "plane" in types:
-            self._arguments["plane"] = self._buffer(np.zeros(values["triangles"], np.int32))
+            self._arguments["plane"] = self._buffer(np.zeros(max(1, values["triangles"]), np.int32))
 
     def _buffer(self, array: NDArray[Any]) -> Any:
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
@@ -115,7 +118,7 @@ class RayTracer:
         with driver_errors(self.device):
             found = self._found(rays, "")
             rows = found.undecided
-            if len(rows) <= MANY_UNDECIDED or "WITH_TRIANGLES" not in self._features:
+            if len(rows) <= MANY_UNDECIDED or not self._triangles:
                 return found
             if "WITH_WHOLE" not in self._kernels:
                 with Announcement("compiling the kernel ..."):

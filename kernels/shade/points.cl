@@ -48,7 +48,7 @@ static __attribute__((always_inline)) void put_surfaces(const Frame frame, const
     if (HAS(WITH_PLANES)) own.id = hit.plane >= 0 ? (INT)-1 : hit.id;
     if (HAS(WITH_PLANES)) at->matte = 0;
     EACH_SHAPE(scene->geometry, own.id, put(frame, scene, ray, own, at));
-    if (EXTRA(scene, textures)) paint(scene, own.id, at);
+    if (TEXTURED(scene)) paint(scene, own.id, at);
     if (HAS(WITH_PLANES) && ANY(hit.plane >= 0)) {
         const Leaving way = from_eye(scene->geometry, eye_ray(ray));
         put_caps(&frame, scene, &way, hit.plane, point_at(ray, hit.t), at);
@@ -63,7 +63,7 @@ static Intersection intersection_from(const Frame frame, const Scene *scene, con
     if (HAS(WITH_PLANES)) own.id = met.plane >= 0 ? (INT)-1 : met.id;
     if (HAS(WITH_PLANES)) at.matte = 0;
     EACH_SHAPE(scene->geometry, own.id, put_from(frame, scene, ray, own, &at));
-    if (EXTRA(scene, textures)) paint(scene, own.id, &at);
+    if (TEXTURED(scene)) paint(scene, own.id, &at);
     if (HAS(WITH_PLANES) && ANY(met.plane >= 0))
         put_caps(&frame, scene, &ray, met.plane, point_from(frame, scene, ray, met), &at);
     return at;

@@ -76,12 +76,15 @@ static Bounce bounce_at(const Scene *scene, const Intersection at, const Branch 
     bounce.inside = at.start.side < 0;
     bounce.mirrored = mirrored(rays.d, at.normal, at.start.side, spread_at(at));
     bounce.mirrors = rays.weight * R;
-    const Refraction through = refracted(rays.d, at.normal, at.start.side, of.z, spread_at(at));
-    const REAL_MASK total = through.total & (T > 0);
-    COUNT(TOTAL, TO_MASK(total) & rays.live);
-    bounce.refracted = through.d;
-    bounce.mirrors = total ? rays.weight * (R + T) : bounce.mirrors;
-    bounce.sends = total ? (REAL)0 : rays.weight * T;
+    bounce.sends = 0;
+    if (HAS(WITH_GLASS)) {
+        const Refraction through = refracted(rays.d, at.normal, at.start.side, of.z, spread_at(at));
+        const REAL_MASK total = through.total & (T > 0);
+        COUNT(TOTAL, TO_MASK(total) & rays.live);
+        bounce.refracted = through.d;
+        bounce.mirrors = total ? rays.weight * (R + T) : bounce.mirrors;
+        bounce.sends = total ? (REAL)0 : rays.weight * T;
+    }
     if (rays.depth > scene->bounces) {
         bounce.share = 1;
         bounce.mirrors = bounce.sends = 0;
@@ -134,7 +137,7 @@ static MASK mark_met(const Scene *scene, const Branch rays, const Intersection a
     if (!HAS(WITH_SAMPLES)) return 0;
     const MASK marked = rays.live & TO_MASK(rays.weight > FAINT_MARK);
     MARK(mark, marked, rays.own, rays.depth);
-    if (EXTRA(scene, textures)) {
+    if (TEXTURED(scene)) {
         MARK(texels, marked & (at.texel >= 0), at.texel, rays.depth);
         work->uneven = work->uneven | (marked & at.uneven);
     }
@@ -186,6 +189,7 @@ static Branch go_on(const Scene *scene, const Branch rays, const Intersection at
     const INT left = HAS(WITH_PLANES) ? at.start.index : rays.own;
     Branch next = {mirrors, left, bounce.inside, at.normal, bounce.mirrored, bounce.mirrors, rays.depth + 1};
     if (HAS(WITH_SHAPES)) next.q = at.q;
+    if (!HAS(WITH_GLASS)) return next;
     MASK sends = rays.live & TO_MASK(bounce.sends > 0);
     if (rays.depth == 0) all->alone = all->alone & !sends;
     sends = sends & !drop(scene, sends, bounce.sends, all->faint, rays.depth, &all->slack, work);

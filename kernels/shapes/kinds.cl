@@ -18,6 +18,9 @@
 #define CYLINDER_OR_NONE(geometry, index) NUMBER_OR_NONE(IS_CYLINDER(geometry, index), index, FIRST_CYLINDER(geometry))
 #define TRIANGLE_OR_NONE(geometry, index) NUMBER_OR_NONE(IS_TRIANGLE(geometry, index), index, FIRST_TRIANGLE(geometry))
 
+/* Which map makes a sphere an ellipsoid; 0: none. */
+#define MAP_OF(geometry, index) (HAS(WITH_ELLIPSOIDS) && (geometry).maps ? (geometry).map_of[index] : 0)
+
 /* What the walkers, lists and shading ask of shapes without knowing their names.
  *   ANY_ROUND    there are such as a ray meets again that leaves them inwards
  *   ANY_FETCHED  lists of shadow rays fetch surfaces ahead: of triangles alone, that took more time than it saved

@@ -105,7 +105,7 @@ def test_few_sets_of_features() -> None:
         assert flags(*light) == flags(*light, ks=0) == base
     point, spot = cltrace.point_light((0, 0, 0)), cltrace.spot_light((0, 0, 0), (0, 0, -1), 10, 20)
     assert flags(point) == flags(spot) == flags(spot, point, kd=0) == base | {"POINTS"}
-    assert flags(outputs=("id",)) == flags(outputs=("normal", "uv")) == base | {"EXTRAS"}
-    assert flags(reflectance=0.5) == base | {"BOUNCES", "INSIDE", "LEAVING"}
-    assert flags(reflectance=0.5, transmittance=0.5) == base | {"BOUNCES", "INSIDE", "LEAVING", "SPLITS"}
-    assert flags(reflectance=0.5, outputs=("id",)) == base | {"EXTRAS"}
+    assert flags(outputs=("id",)) == flags(outputs=("normal", "uv")) == base | {"EXTRAS", "POINTS"}
+    assert flags(reflectance=0.5) == base | {"BOUNCES", "LEAVING"}
+    assert flags(reflectance=0.5, transmittance=0.5) == base | {"BOUNCES", "GLASS", "INSIDE", "LEAVING", "SPLITS"}
+    assert flags(reflectance=0.5, outputs=("id",)) == base | {"EXTRAS", "POINTS"}

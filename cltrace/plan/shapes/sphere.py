@@ -269,7 +269,7 @@ class SpherePacking(ShapePacking):
         return np.concatenate([self.radius, *map(np.ravel, stretched)])
 
     def values(self, first: int) -> dict[str, Any]:
-        return {"count": len(self.radius)}
+        return {"count": len(self.radius), "maps": len(self.maps.longest) if self.maps else 0}
 
     def packed(self, real: np.dtype[Any], exponent: int | None, basis: Array, paths: Paths) -> Arrays:
         arrays: Arrays = {"place": np.zeros((0, 4), real), "map_of": np.zeros(0, np.int32)}

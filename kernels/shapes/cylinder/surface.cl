@@ -148,7 +148,7 @@ static __attribute__((always_inline)) void put_cylinders(const Frame frame, cons
     at->start.index = id;
     at->start.q = at->q;
     start_from_place(here, place_on_cylinder(cylinder, point.q), &at->start);
-    if (EXTRA(scene, mapped)) map_cylinders(here, cylinder, point.q, at);
+    if (MAPPED(scene)) map_cylinders(here, cylinder, point.q, at);
 }
 
 /* Puts what a ray from the eye has met into an intersection. */

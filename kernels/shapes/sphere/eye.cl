@@ -44,7 +44,7 @@ static __attribute__((always_inline)) MASK passes_filter(const Scene *scene, con
 /* Where the rays meet a sphere or an ellipsoid. inside: of an ellipsoid, whether from there. */
 static __attribute__((always_inline)) Meeting meeting_of(const Scene *scene, const Ray ray, const Sphere sphere,
                                                          const int index, REAL_MASK *inside) {
-    if (!scene->geometry.map_of[index]) return sphere_meet(scene->geometry, ray, sphere);
+    if (!MAP_OF(scene->geometry, index)) return sphere_meet(scene->geometry, ray, sphere);
     const Ball ball = balls_of(scene->geometry, (INT)index);
     const Leaving path = from_eye(scene->geometry, eye_ray(ray));
     const Encounter met = sphere_meet_from(scene->geometry, path, ball, (INT)index, TO_REAL_MASK(ALL_LANES));

@@ -57,7 +57,7 @@ typedef struct {
 static INT maps_of(const Geometry geometry, const INT index) {
     int each[W];
     STORE_LANES(index, each);
-    for (int lane = 0; HAS(WITH_ELLIPSOIDS) && lane < W; lane++) each[lane] = geometry.map_of[max(each[lane], 0)];
+    for (int lane = 0; HAS(WITH_ELLIPSOIDS) && lane < W; lane++) each[lane] = MAP_OF(geometry, max(each[lane], 0));
     return HAS(WITH_ELLIPSOIDS) ? LOAD_LANES(each) : (INT)0;
 }
 

@@ -103,7 +103,7 @@ static int side_of_light(const Scene *scene, const ShadowRay ray, const int inde
 static REAL_MASK stands_in_the_way(const Scene *scene, const ShadowRay ray, const Start start, const int index,
                                    const int side) {
     const Sphere sphere = sphere_at(scene->geometry, index);
-    const int map = HAS(WITH_ELLIPSOIDS) ? scene->geometry.map_of[index] : 0;
+    const int map = MAP_OF(scene->geometry, index);
     return map ? ellipsoid_stops(scene->geometry, start, sphere, map, ray.w, ray.at_point, side)
                : sphere_stops(start, sphere, ray.w, ray.at_point, side);
 }
@@ -190,7 +190,7 @@ static __attribute__((always_inline)) void sphere_put(const Frame frame, const S
         at->spread = 1;
     }
     stretch_at(frame, scene, ray, hit, round, at);
-    if (EXTRA(scene, mapped)) map_spheres(frame, at);
+    if (MAPPED(scene)) map_spheres(frame, at);
     if (HAS(WITH_PLACED)) start_in_world(frame, scene, hit.id, at);
 }
 
@@ -209,7 +209,7 @@ static __attribute__((always_inline)) void sphere_put_from(const Frame frame, co
         at->spread = 1;
     }
     stretch(at, spot, met.at.inside);
-    if (EXTRA(scene, mapped)) map_spheres(frame, at);
+    if (MAPPED(scene)) map_spheres(frame, at);
     if (HAS(WITH_PLACED)) start_in_world(frame, scene, met.id, at);
 }
 #endif

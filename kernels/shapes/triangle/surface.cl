@@ -245,7 +245,7 @@ static __attribute__((always_inline)) void flatten(const Frame frame, const Scen
     start_at_place(here, P, side, &at->start);
     at->start.index = id;
     at->start.q = at->q;
-    if (EXTRA(scene, mapped)) map_triangles(scene, number, point.weights, at);
+    if (MAPPED(scene)) map_triangles(scene, number, point.weights, at);
 }
 
 /* Puts what a ray from the eye has met into an intersection. */
