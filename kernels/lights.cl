@@ -91,7 +91,7 @@ static REAL cosine_towards(const Start start, const Real3 n, const Real3 L, cons
     return REAL_BYTES == 4 ? (start.near_eye ? DOT(n, w) : by_center) : by_center;
 }
 
-/* Whether a light does not shine in all directions alike. */
+/* Whether a light is a spot light or a lambert light. */
 #define IS_BEAM(kind) (HAS(WITH_POINTS) && (kind) > POINT_LIGHT)
 
 /* Which kind a light is. So one loop over all lights can call illuminate() from one place, where it is inlined:
@@ -114,7 +114,7 @@ static Direction direction_to(const Light light, const int kind, const Real3 n, 
     return direction;
 }
 
-/* Lights that do not shine in all directions alike. Few scenes have one, so what is asked of them is out of line. */
+/* reaches() and strength_of() for spot and lambert lights. Few scenes have one, so these are not inlined. */
 static __attribute__((noinline)) MASK beam_reaches(const int kind, const real4 axis, const Real3 w) {
     const REAL along = -DOT(w, axis);
     return kind == SPOT_LIGHT ? TO_MASK(along >= axis.w * sqrt(DOT(w, w))) : TO_MASK(along > 0);

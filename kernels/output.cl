@@ -107,7 +107,7 @@ static __attribute__((noinline)) void write_more(const Frame *camera, const Scen
     if (out.shadow_rays) STORE(int, out.shadow_rays, first, pitch, 1, pixels->rays);
 }
 
-/* Writes the outputs that there are. */
+/* Writes all outputs that are wanted. */
 static void write(const Frame frame, const Scene *scene, const Packet packet, const Pixels pixels, const Work *work,
                   const Outputs out, const int first) {
     if (!HAS(WITH_EXTRAS) || out.rgb8) {

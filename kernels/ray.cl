@@ -21,8 +21,8 @@ static Work no_work(void) {
         if (HAS(OUT_WORK)) work->count[HAS(OUT_WORK) ? kind : 0] += (mask) ? (INT)1 : (INT)0; \
     } while (0)
 
-/* What few pictures without bounces have, and a field of the scene tells: programs of the others are faster without it.
- * They have bytes, and nothing else. */
+/* Rare features share the flag WITH_EXTRAS, and fields of the scene say which of them a picture has. Programs without
+ * the flag write nothing but bytes, and are faster. */
 #define EXTRA(scene, field) (HAS(WITH_EXTRAS) && (scene)->field)
 #define TEXTURED(scene) (HAS(WITH_TEXTURES) || EXTRA(scene, textures))
 #define MAPPED(scene) (HAS(WITH_TEXTURES) || EXTRA(scene, mapped))

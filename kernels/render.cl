@@ -8,8 +8,9 @@ typedef struct {
 #endif
 } Known;
 
-/* Of pixels that a margin of a region holds, too, nothing is noted. Once a pixel takes too many rays, packets behind it
- * are not rendered: all packets before that one still are. So it is always the same pixel that is noted in the end. */
+/* Which pixels are in the region, without its margin. Only these are noted if they take too many rays. Then packets
+ * behind the noted one are not rendered, but all packets before it still are, so the pixel noted last is always the
+ * same. */
 static MASK wanted_of(const int4 region, const INT column, const INT row, const Outputs out) {
     return (column < region.x + region.z) & (row < region.y + region.w) & (column >= region.x + out.margin.x) &
            (row >= region.y + out.margin.y);
@@ -90,9 +91,10 @@ static void render_packet(const Frame frame, const Scene *scene, const int2 size
 }
 
 /* Each work-item renders RUN packets, side by side, one after the other. That is a loop here rather than a work-group:
- * where a group has several work-items, PoCL keeps all variables in memory, which took a tenth of the time. Of many
- * lights or samples there are `high` rows of them, rendered column by column: what a packet has brought into the cache
- * is still there for those below it and beside it. With 100 lights that takes 0.9 of the time that row by row takes. */
+ * where a group has several work-items, PoCL keeps all variables in memory, which took a tenth of the time. With
+ * many lights or samples, a work-item renders `high` rows of RUN packets. With many lights it goes column by column, so
+ * that what a packet has brought into the cache is still there for its neighbours: with 100 lights that takes 0.9 of
+ * the time that row by row takes. */
 
 /* Where in the region a work-item begins. row: of the region, at which the launch starts; high: as above. */
 static int2 place_of_item(const int row, const int high) {
@@ -115,7 +117,7 @@ __kernel void render(RENDER_PARAMETERS) {
     known.corners.row[0] = known.corners.row[1] = -1;
 #endif
     for (int k = 0; k < RUN * high; k++) {
-        /* Samples have what two rows share in mind, so they go along these. */
+        /* Samples keep the corners that two rows share, so they go row by row. */
         const int column = HAS(WITH_SAMPLES) ? k % RUN : k / high, line = HAS(WITH_SAMPLES) ? k / RUN : k % high;
         const int2 place = begin + (int2)(column * PACKET_WIDTH, line * PACKET_HEIGHT);
         if (place.x >= region.z || place.y >= region.w) continue;

@@ -79,7 +79,7 @@ class _Listener:
 
     @contextmanager
     def hearing(self) -> Iterator[None]:
-        """In the main thread: what waits there is stopped where a signal comes."""
+        """Called in the main thread, whose waits then stop when a signal comes."""
         try:
             before = signal.set_wakeup_fd(self._mouth.fileno(), warn_on_full_buffer=False)
             self._before = self._before if before == self._mouth.fileno() else before

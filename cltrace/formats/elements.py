@@ -24,7 +24,7 @@ from cltrace.formats.schema import ELEMENTS, MEANT, Element, rotations
 CHUNK = 2**17  # bytes that are parsed at once
 SPHERE_END = b"</sphere>"
 LAST_LINE = 65_535  # libxml2 keeps the line of an element in 16 bits; this one means "here or later"
-# Unless told otherwise, the parser also loads no document types, uses no network and keeps the limits of libxml2.
+# By default the parser also loads no document types, uses no network and keeps the limits of libxml2.
 PARSER_OPTIONS: Mapping[str, Any] = {"resolve_entities": False, "remove_comments": True, "remove_pis": True}
 
 

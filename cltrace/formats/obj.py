@@ -160,7 +160,7 @@ class _ObjReader:
         return np.append(values, 0.0)[np.where(k < widths[:, None], first[:, None] + k, len(values))] + 0.0
 
     def _numbers_of_line(self, kind: int, block: _Block, i: int) -> Doubles:
-        """The faults of one line are told. There is a row all the same, for the others' indices."""
+        """Reports the faults of one line, which has a row all the same, so that later indices stay right."""
         line, words = block.number + i, block.arguments[i].split()
         names = _NAMES[kind].get(len(words))
         if names is None:
@@ -224,7 +224,7 @@ class _ObjReader:
         return _placed(written, before[:, i : i + 1].T, np.array([line]))
 
     def _index(self, line: int, kind: int, written: str, before: int) -> int:
-        """An index as a number, where so many come before; 0 if no file has it, which is told."""
+        """An index as a number; 0, and a fault, if no file can have it. before: how many such there are so far."""
         value = float(written)  # int() refuses very long texts
         if value and -before <= value <= _LARGEST:
             return int(value)
@@ -309,7 +309,7 @@ def _numbers_in(text: bytes, dtype: DTypeLike) -> NDArray[Any] | None:
 def _parts(
     which: list[int], together: Callable[[list[int]], Result | None], alone: Callable[[int], Result | None]
 ) -> Iterator[Result]:
-    """What `together` makes of lines, in order: of all, or else of parts, or what `alone` makes of one."""
+    """What `together` makes of all lines, or where it fails of their halves, or `alone` of single lines; in order."""
     rest = [which] if which else []
     while rest:
         part = rest.pop()

@@ -133,9 +133,9 @@ class ElementKind:
 class Element:
     """An element of a file: its valid attributes and children, by their names.
 
-    line: where its start tag ends; label: what messages call it; kind: None if it is unknown, or once too often, and so
-    ignored; whole: whether it has all that it needs; filled: the slots of the children that have been there; strays:
-    the lines of unknown children; steps: of a transform.
+    line: where its start tag ends; label: what messages call it; kind: None if the element is ignored, as it is unknown
+    or there is one too many; whole: whether it has all that it needs; filled: the slots of the children that have been
+    there; strays: the lines of unknown children; steps: of a transform.
     """
 
     __slots__ = ("filled", "kind", "label", "line", "steps", "strays", "tag", "values", "whole")

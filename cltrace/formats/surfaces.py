@@ -51,8 +51,8 @@ Steps = Sequence[Element]
 class ShapeReader(ABC):
     """The surfaces of one element so far.
 
-    words, most: what they are, and how many there may be; file: what is told of faults and warnings; numbers, lines: of
-    those without faults, each one's number among all surfaces, and its line.
+    words, most: what they are, and how many there may be; file: where faults and warnings are reported; numbers, lines:
+    of those without faults, each one's number among all surfaces, and its line.
     """
 
     words: str
@@ -88,7 +88,7 @@ class ShapeReader(ABC):
 def _layout(tag: str) -> str:
     """The pattern of an element as the format's listing has it, without a transform; a group for each number.
 
-    All rules of spheres allow these numbers, which are 0 or within 1e-39..1e37.
+    The numbers are 0 or within 1e-39..1e37. SphereReader.read_usual() checks the rules that some of them break.
     """
     kind, space, number = ELEMENTS[tag], r"[ \t\r\n]", r"[0-9]{1,18}(?:\.[0-9]{0,20})?(?:[eE][-+]?[01]?[0-9])?"
     signs = {name: "-?" if name in "xyz" else "" for name in kind.attributes}

@@ -33,8 +33,8 @@ class Materials:
     packed: (m, 8) of shade_dtype(): ka La C (rgb), kd C (rgb), ks, exponent, with La the ambient light and C the
     material's colour, linear; bounce: (m, 4) of real_dtype(): reflectance, transmittance, index of refraction, 0; empty
     where nothing mirrors or is transparent; texture: (m,), the index of each one's texture in the scene, -1 for none;
-    empty where there are none; black: (m,), which ones reflect nothing of any light
-    that is not ambient, or None if all of them reflect; brightest: the largest ks.
+    empty where there are none; black: (m,), which ones reflect nothing of any light that is not ambient, or None if all
+    of them reflect; brightest: the largest ks.
     """
 
     packed: NDArray[Any]
@@ -135,12 +135,12 @@ def packed_textures(
 ) -> dict[str, NDArray[Any]]:
     """Those k textures of a scene that some surface shows, each of them once, as the kernel's buffers by name.
 
-    texel: (n,) uint8, red, green and blue of all texels, row by row from the top, one byte each or two, and behind
-    each texture, if that is asked for, which squares of texels are uneven; texture: (k, 4) int32; texture_of: (m,)
+    texel: (n,) uint8, red, green and blue of all texels, row by row from the top, one byte each or two, and with
+    `squares`, behind each texture, which squares of its texels are uneven; texture: (k, 4) int32; texture_of: (m,)
     int32, the index of each material's texture among the k, -1 for none.
 
     images: all of them; of_material: (m,), the index of each material's image, -1 for none; material_of: (n,), the
-    index of each surface's material; squares: whether it is to be known which of them are uneven.
+    index of each surface's material; squares: whether to find the uneven ones.
     """
     shown = of_material[used(len(of_material), material_of)] if images else of_material[:0]
     mask = used(len(images), shown[shown >= 0])
@@ -155,12 +155,12 @@ def packed_textures(
         # MAX_TEXELS of 6 bytes each are less than 2^31.
         full = FULL[images[i].dtype]
         places.append((width, height, begin, full))
-        # The kernel reads numbers without a sign, so those that have one are so much larger.
+        # The kernel reads unsigned numbers, so signed ones are stored with `full` added.
         stored = (images[i] + full).astype(np.uint16) if full == CONSTANTS["SIGNED_FULL"] else images[i]
         uneven = uneven_squares(images[i]) if squares else np.zeros(0, np.uint8)
         texels += [stored.reshape(-1).view(np.uint8), uneven]
         begin += images[i].nbytes + len(uneven)
-    texel = joined([*texels, np.zeros(BYTES_READ, np.uint8)])  # which a CPU's driver need not copy once more
+    texel = joined([*texels, np.zeros(BYTES_READ, np.uint8)])  # a CPU's driver reads it in place
     return {"texel": texel, "texture": np.array(places, np.int32).reshape(-1, 4), "texture_of": new[of_material]}
 
 

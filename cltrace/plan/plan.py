@@ -62,7 +62,8 @@ def features(world: ScenePacking, camera: AnyCamera, inside: bool, request: Requ
         "KEEP_WEIGHTLESS": bounces and "weightless" in keep,
         "OUT_WORK": "work" in request.outputs,
     }
-    # So scenes share programs, where that takes less than 3 % of a frame, or few frames are drawn.
+    # Some flags are set for scenes that need them only in part, so that scenes share programs. That takes less than 3 %
+    # of a frame, or few frames are drawn so.
     if world.clipping:
         # Clipped rays are decided in the world, and as those are that may start anywhere.
         flags |= dict.fromkeys(("WITH_PLANES", "WITH_LEAVING", "WITH_INSIDE", *EVERY_SHAPE), True)
@@ -75,8 +76,7 @@ def features(world: ScenePacking, camera: AnyCamera, inside: bool, request: Requ
 
 
 def choices(world: ScenePacking, camera: AnyCamera, request: Request) -> dict[str, Any]:
-    """The kernel's arguments that say what a picture needs of a program: without branches for that, there would be
-    many programs."""
+    """The kernel's arguments that turn parts of a program on and off. Flags for these would make many programs."""
     shading, surfaces, full = request.needs_colors, len(world.id), "features" in request.keep
     textures = len(world.textures["texture"]) if shading else 0
     splits = world.bounces.splits
@@ -133,9 +133,9 @@ class Plan:
 
     request: precision, outputs and crop; size: (width, height) of the whole picture in pixels; region, exponent,
     arrays, skipped, seconds: of CameraView; features: names of abi.FLAGS; branches: of opencl.options(); values: the
-    kernel's arguments by name that are neither buffers nor outputs, but for those that only the launch knows; blocks:
-    whether packets are rendered in blocks; passes: whether this is one of several, see passes_of(); unstoppable:
-    whether it may be known of triangles that nothing stands between them and a light.
+    kernel's arguments by name that are neither buffers nor outputs, except those that each launch sets; blocks: whether
+    packets are rendered in blocks; passes: whether this is one of several, see passes_of(); unstoppable: whether it
+    may be found out on which triangles no shadow falls, see run/unstoppable.py.
     """
 
     request: Request

@@ -84,7 +84,7 @@ class ScenePacking:
     triangle has its mesh's; material_of: (n,), the index of each one's material in materials; textures: the buffers of
     packed_textures(); lights: (m,) of the scene's lamps, those that can add to a colour, in the order of LIGHT_KINDS;
     soft: whether any light is soft, and so stands for many; bounces: what surfaces do with rays; clipping: the planes
-    that clip them; paths: what rays need that leave surfaces, NO_PATHS where none does; background: linear (r, g, b);
+    that clip them; paths: for rays that may start anywhere, NO_PATHS if there are none; background: linear (r, g, b);
     peak: (3,), brightest() where a ray may become two, else 0; skipped: what the scene does not need, in words, and how
     often; seconds: what took how long: "tree".
     """

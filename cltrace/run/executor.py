@@ -490,7 +490,7 @@ class Executor:
 
     @property
     def _high(self) -> int:
-        """How many rows of packets that are."""
+        """How many rows of packets a work-item renders."""
         if not self.plan.blocks or self.width == 1:
             return 1
         return CONSTANTS["SAMPLED_ROWS"] if "WITH_SAMPLES" in self.plan.features else CONSTANTS["BLOCK_ROWS"]
@@ -507,7 +507,7 @@ class Executor:
         proved = self.unstoppable.lights if self.unstoppable else 0
         of_launch = {"region": region, "row": row, "pitch": frame.width, "margin": self._margin, "high": self._high}
         of_launch |= {"proved": proved, "started": int(self.started)}
-        # What is no output is null, by which the kernel knows that nobody asked for it.
+        # An output that is not wanted is null, and the kernel does not write it.
         outputs = dict.fromkeys((*OUTPUTS, "so_far")) | frame.buffers
         arguments = self.values | of_launch | self.buffers | outputs
         return kernel.start(self.queue, grid, self.packet.group, arguments)

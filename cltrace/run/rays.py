@@ -77,7 +77,7 @@ class RayTracer:
             features |= set(shape.flags)
             first += len(shape.number)
         if "WITH_SHAPES" in features:
-            features |= set(abi.EVERY_SHAPE)  # so that few programs do
+            features |= set(abi.EVERY_SHAPE)  # one program for all such scenes
         self.number, triangles = arrays["id_of"], shapes[-1].number
         self._triangles = len(triangles)
         self.primitive = np.full(first, -1, np.int32)

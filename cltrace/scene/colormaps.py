@@ -249,7 +249,7 @@ def colors_given(
 ) -> tuple[ArrayLike | None, Scale | None]:
     """The colours of n spheres that have either colors or values, None if neither, and how values become colours.
 
-    before: how earlier values did, which later ones do, too, but for what is given; options: cmap, clim, norm.
+    before: the scale of earlier values, which these keep except for options that are given: cmap, clim, norm.
     Raises ValueError.
     """
     array = values_given(colors, values, **options)

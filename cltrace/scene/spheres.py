@@ -80,8 +80,8 @@ def inverse_faults(to_world: NDArray[np.float64], to_object: NDArray[np.float64]
     rounded, NaN for none.
     """
     # With E = K L - 1, K is (1 + E) L^-1. So where the surface is to have |L^-1 x| = r, |K x| differs from r by |E| r
-    # at most: by that share of their distance from the centre, points may be off. |E| is no more than the square root
-    # of the sum of its squares.
+    # at most: points have an error of at most that share of their distance from the centre. |E| is at most the square
+    # root of the sum of its squares.
     with np.errstate(over="ignore", invalid="ignore"):
         errors = np.sqrt(np.square(_products(to_object, to_world) - np.eye(3)).sum(axis=(1, 2)))
     admitted = ANY.admits(to_object)

@@ -10,8 +10,9 @@ static MASK may_be_shaded(const Scene *scene, const int light, const INT own) {
 
 /* Whether anything stands between a point and a light. */
 
-/* In which lanes anything can stand between the light and the own surface at all. Of few spheres the host has a bit for
- * each one; of many, and of triangles, all bits are set. */
+/* In which lanes anything can stand between the light and the own surface at all. For the first `proved` lights,
+ * unstoppable.cl has a bit for each triangle. Else the host has a bit for each sphere if there are few; for many, and
+ * for triangles, all bits are set. */
 static MASK may_be_stopped(const Scene *scene, const int number, const INT own) {
     if (HAS(WITH_TRIANGLES) && number < scene->proved) return may_be_shaded(scene, number, own);
     return -(((INT)scene->light_buffer[number].z >> (own & 31)) & 1);
@@ -102,8 +103,8 @@ static __attribute__((noinline)) MASK stops_in_region(const Scene *scene, const 
     Encounter at = {INFINITY};
     const INT asked = open ? (INT)index : (INT)-1;
     EACH_SHAPE(geometry, asked, encounter(scene, way, asked, &at));
-    /* The ray from the light meets the triangle. At an edge, the ray to the light may be one that meets the neighbour
-     * instead, so only t is asked for. */
+    /* The ray from the light meets the triangle. At an edge, the ray to the light may meet the neighbour instead, so
+     * only t is used. */
     const REAL_MASK known = TO_REAL_MASK(open);
     OF_TRIANGLES(if (IS_TRIANGLE(geometry, index)) at.t = crossing_of(geometry, way, asked, known, known).t;)
     const MASK met = open & TO_MASK(at.t < INFINITY);

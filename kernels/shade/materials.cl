@@ -57,6 +57,7 @@ static __attribute__((always_inline)) Intersection material_at(const Scene *scen
 }
 
 /* The colour of a texture at a point: u to the right and v downwards, both 1 at its far edge. */
+
 /* The two texels between which a point is, along one side of a texture, and its share of the way from the first. */
 typedef struct {
     INT first, second;

@@ -100,7 +100,7 @@ typedef struct {
     Start start;    /* where its shadow rays start; start.side * normal faces the ray */
     Real3 q;        /* WITH_SHAPES, see Spot and places_of() */
     REAL spread;    /* WITH_SHAPES, see lift() */
-    REAL u, v;      /* if they are wanted, where the points are on a texture, see materials.cl */
+    REAL u, v;      /* if MAPPED(), where the points are on a texture, see materials.cl */
     Shade3 ambient; /* ka La C */
     Shade3 diffuse; /* kd C */
     SHADE ks, exponent;

@@ -132,7 +132,7 @@ typedef struct {
     INT rays;               /* shadow rays */
     FLOAT error, coverage;  /* WITH_SAMPLES: of the mean colour, in levels of 255; the share that surfaces have */
     FLOAT u, v;             /* where it is on a texture, 0 where nothing was hit */
-    MASK wanted, overgrown; /* WITH_BOUNCES: whether it is in the region; whether it takes more than MOST_RAYS rays */
+    MASK wanted, overgrown; /* whether it is in the region; WITH_SPLITS: whether it takes more than MOST_RAYS rays */
 } Pixels;
 
 /* Puts colours into the pixels in which something was hit. */

@@ -275,7 +275,7 @@ static MASK unproven(const Frame frame, const Scene *scene, const Gathered all, 
 static Shade3 color_with_branches(const Frame frame, const Scene *scene, const Ray ray, Intersection at, const INT own,
                                   Pixels *pixels, Work *work) {
     Shade3 color = {0, 0, 0};
-    if (HAS(WITH_SPLITS)) at.hit = at.hit & pixels->wanted; /* too many rays may be one's end */
+    if (HAS(WITH_SPLITS)) at.hit = at.hit & pixels->wanted; /* pixels outside the region are not to be noted */
     for (real faint = scene->faint; ANY(at.hit); faint = faint > 32 ? faint / 64 : (real)0.5f) {
         clear_marks(at.hit, work);
         const Gathered all = gather(frame, scene, ray.d, at, own, faint, work);

@@ -252,7 +252,7 @@ def test_pictures_are_those_of_the_reference(device: Device, name: str) -> None:
 
 
 def in_float32(scene: Scene) -> Scene:
-    """With radii that float32 holds. So a shell that `single` cannot tell from its core has the core's radius."""
+    """With radii rounded to float32, so that a shell that `single` cannot tell from its core has the core's radius."""
     spheres = scene.spheres.copy()
     spheres["radius"] = spheres["radius"].astype(np.float32)
     return replace(scene, spheres=spheres)
@@ -261,7 +261,7 @@ def in_float32(scene: Scene) -> Scene:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["trees", "molecule", "some, clipped", "parallel rays", "smooth meshes"])
 def test_single_is_close(device: Device, name: str) -> None:
-    """In float32, few pixels at edges are others than in `accurate`, and of a shell and its core the first is shown."""
+    """`single` differs from `accurate` in few pixels, at edges; of a shell and its core it shows the first."""
     row = ROWS[name]
     for scene in list(row.scenes())[:4]:
         held = in_float32(scene)

@@ -101,7 +101,7 @@ class Silhouettes(ABC):
 
     @property
     def inside(self) -> Mask:
-        """(n,): which of them may have the point inside or on them."""
+        """(n,): which of them the point that they are seen from may be inside of or on."""
         return np.zeros(len(self), bool)
 
     @abstractmethod

@@ -511,5 +511,5 @@ class Paths:
         return points if exponent is None else np.ldexp(points - self.middle, exponent)
 
 
-# Where no ray may start anywhere.
+# For scenes without rays that may start anywhere.
 NO_PATHS = Paths(np.zeros(3), 0, 0.0, NO_TREE)

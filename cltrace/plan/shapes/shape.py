@@ -30,7 +30,7 @@ def share(old: Scene, new: Scene, *names: str) -> bool:
 class Sights(NamedTuple):
     """The surfaces of one shape as the eye and the lights see them, in the float buffers' unit.
 
-    arrays, lit: the kernel's buffers by name, lit those that have rows for each light in turn; eye, lights: from there.
+    arrays: the kernel's buffers by name; lit: those with rows for each light in turn; eye, lights: as seen from there.
     """
 
     arrays: Arrays
@@ -80,7 +80,7 @@ class ShapePacking(ABC):
 
     @property
     def left_out(self) -> int:
-        """How many of the scene are not here, or not visible, since they are equal to others."""
+        """How many of the scene's surfaces are left out or not visible, as they equal others."""
         return 0
 
     @property

@@ -192,7 +192,7 @@ class ShownSide:
         return np.asarray(np.sqrt(2 * area))
 
     def sampled(self, place: NDArray[np.void], least: int) -> tuple[NDArray[np.float32], NDArray[np.float32], int]:
-        """sizes_on() of one in SAMPLE, or of all if those are fewer than `least`, and one in how many these are."""
+        """sizes_on() of one polygon in SAMPLE, or of all if that gives fewer than `least`; and its `stride`."""
         for stride in (SAMPLE, 1):
             area, sides = self.sizes_on(place, stride)
             if len(area) >= least:

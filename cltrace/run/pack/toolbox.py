@@ -91,7 +91,7 @@ class Toolbox:
     def room(self, count: int, dtype: Any, again: bool = False) -> Any:
         """A buffer of so many numbers, at least one. They are undefined.
 
-        again: whether a CPU keeps its memory for later ones of about this size.
+        again: whether a CPU keeps the memory for later buffers of about this size.
         """
         size = max(1, count) * np.dtype(dtype).itemsize
         check_sizes(self._device, {"spheres": (count, size)})

@@ -7,7 +7,7 @@ typedef struct {
     REAL t; /* INFINITY if it does not */
     Shares shares;
     REAL_MASK unsure;    /* whether double cannot tell t; always false in single */
-    REAL_MASK has_point; /* whether the point of the shares is off by at most 2^-24 of the way, as in the reference */
+    REAL_MASK has_point; /* whether the error of the shares' point is at most 2^-24 of the way, as in the reference */
 } Crossing;
 
 /* The crossings of the lanes of `wanted`, as far as `real` tells. inside: lanes of which it is known that all three

@@ -513,8 +513,9 @@ static REAL first_sign_within(const Pair3 v, const REAL error) {
     return x != 0 ? x : y != 0 ? y : sign_from(v.z.hi, error);
 }
 
-/* E of the edge between two corners, X and Y, as seen from O in X and Y. Where E is 0, the result is next to nothing,
- * with the sign of the tie. Both triangles at an edge compute E from the same end, so their signs never disagree.
+/* E of the edge between two corners, X and Y, as seen from O in X and Y. Where E is 0, the result is tiny,
+ * with the sign that breaks the tie. Both triangles at an edge compute E from the same end, so their signs never
+ * disagree.
  *
  * Bounds, u = 2^-53: X' is off by 2^-99 of s, Y - X by u^2, each coordinate of X' x (Y - X) by less than 2^-98 s e,
  * with e the sum of the magnitudes of Y - X, and E by less than 2^-97 s e w1. */
