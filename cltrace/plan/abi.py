@@ -365,8 +365,6 @@ CONSTANTS = {
     "FILTER_ROUNDINGS": 11,  # by so many times 2^-24, float32 filters of rays from a fixed point are made wider
     "DISC_ROUNDINGS": 8,  # the same for discs across a parallel light
     "FACET_ROUNDINGS": 6,  # the same for the planes of triangles' edges
-    "BLOCK_ROWS": 4,  # rows of packets that a work-item renders where a cache holds few of the lights' lists
-    "SAMPLED_ROWS": 8,  # the same WITH_SAMPLES, as two rows share the rays through their corners
     "SQUARE": 8,  # texels in the side of a square of which it is known whether it is uneven
     "MOST_RAYS": MAX_RAYS,  # a pixel that takes more is given up
     "WIDEN": 24,  # the same for spheres as seen from anywhere: 2^-24 of the scene's size

@@ -164,7 +164,7 @@ class Plan:
         values = view.values | means | choices(world, camera, request) | _frame(world, view, request)
         lit, passes = len(world.lights) if values["shading"] else 0, values["lights"] < len(world.lights)
         bounded = request.precision != "single" and KEPT.isdisjoint(request.keep) and not world.clipping
-        flags = flags - {"WITH_TEXTURES"} | {"WITH_EXTRAS"} if passes else flags
+        flags = flags - {"WITH_TEXTURES"} | {"WITH_EXTRAS", "WITH_POINTS"} if passes else flags
         at_points = bool(are_at_points(kinds(world.lights)).any())
         return cls(
             request=request,

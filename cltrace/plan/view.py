@@ -84,7 +84,8 @@ class CameraView:
         """The same view of a world that differs_in_materials() from the one that was seen."""
         lights = self.arrays["light"].copy()
         dim_highlights(lights[: len(world.lights)], world.lights, request.precision, _brightest(world, self.camera))
-        return replace(self, arrays=self.arrays | _not_empty(_shades(world) | {"light": lights}))
+        values = self.values | {"materials": len(world.materials.packed)}
+        return replace(self, arrays=self.arrays | _not_empty(_shades(world) | {"light": lights}), values=values)
 
     @classmethod
     def without_lists(cls, world: ScenePacking, camera: AnyCamera, request: Request, k: int) -> CameraView:

@@ -46,6 +46,9 @@ STRIP = 2**22
 # A launch takes about so many seconds at most, for whoever looks at the progress, and as some devices do not see what
 # stops it. A first one, which may turn out to be slow, has so many rows.
 PATIENCE, FIRST_ROWS = 0.25, 64
+# Rows of packets that a work-item renders where a cache holds few of the lights' lists, and of samples, as two rows
+# share the rays through their corners.
+BLOCK_ROWS, SAMPLED_ROWS = 4, 8
 # A plan, and buffers that are there already, by the names of arrays that it lacks.
 Made = tuple[Plan, dict[str, Any]]
 # Values of the kernel's argument `last`: later than any pixel, and before all.
@@ -493,7 +496,7 @@ class Executor:
         """How many rows of packets a work-item renders."""
         if not self.plan.blocks or self.width == 1:
             return 1
-        return CONSTANTS["SAMPLED_ROWS"] if "WITH_SAMPLES" in self.plan.features else CONSTANTS["BLOCK_ROWS"]
+        return SAMPLED_ROWS if "WITH_SAMPLES" in self.plan.features else BLOCK_ROWS
 
     def _launch(self, kernel: Kernel, frame: FrameBuffers, region: Region, row: int, rows: int) -> Any:
         """Starts a kernel for `rows` rows of a region from `row` on. Returns its event."""

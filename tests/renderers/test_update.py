@@ -126,6 +126,15 @@ def test_materials_alone_make_no_lists(device: Device, many: int, monkeypatch: p
     same(renderer.look(camera), Scene.from_spheres(camera, POINTS, **values))
 
 
+def test_one_colour_becomes_several(device: Device) -> None:
+    """And one again: where all surfaces have one material, the kernel looks up none."""
+    values = spheres(60) | {"colors": "red"}
+    renderer = Renderer(Scene.from_spheres(CAMERA, LIGHTS, **values), device, outputs=OUTPUTS)
+    for colors in (spheres(60)["colors"], "red"):
+        values["colors"] = colors
+        same(renderer.update(colors=colors), Scene.from_spheres(CAMERA, LIGHTS, **values))
+
+
 def test_rows_stay_those_rows(device: Device) -> None:
     """The view of all rows is not that of some."""
     values = spheres(60)
