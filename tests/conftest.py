@@ -34,7 +34,9 @@ for name in sys.argv[2:]:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--device", help="test only this device (a SPEC of --list-devices)")
-    parser.addoption("--third", type=int, help="only a third of the tests, by a hash of their names, for each number")
+    parser.addoption(
+        "--quarter", type=int, help="only a quarter of the tests, by a hash of their names, for each number"
+    )
 
 
 def pytest_configure() -> None:
@@ -66,12 +68,12 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """On a second driver, the ordinary run does only the first case of each test: --device SPEC does all of them there.
 
-    What differs between drivers is how they compile, which any case of a test shows. --third leaves one third, chosen
-    by bits of the hash with which all three take about as long.
+    What differs between drivers is how they compile, which any case of a test shows. --quarter leaves one of four
+    parts, chosen by bits of a hash of the names.
     """
-    third = config.getoption("--third")
-    if third is not None:
-        items[:] = [item for item in items if (zlib.crc32(item.nodeid.encode()) >> 9) % 3 == third % 3]
+    quarter = config.getoption("--quarter")
+    if quarter is not None:
+        items[:] = [item for item in items if (zlib.crc32(item.nodeid.encode()) >> 9) % 4 == quarter % 4]
     found = cltrace.devices()
     if config.getoption("--device") or "stress" in config.option.markexpr.replace("not stress", "") or not found:
         return
