@@ -45,10 +45,10 @@ def features(world: ScenePacking, camera: AnyCamera, inside: bool, request: Requ
     bounces = request.needs_colors and world.bounces.any and surfaces > 0
     flags = {"WITH_SPHERES": not surfaces}  # without any, the kernel knows the first shape alone
     flags |= {flag: True for shape in world.shapes for flag in shape.flags}
-    extras = request.outputs != ("rgb8",) or surfaces >= PLENTY
     flags |= {
         "WITH_FILTER": "filter" not in keep,
-        "WITH_EXTRAS": extras or full,
+        "WITH_EXTRAS": request.outputs != ("rgb8",) or full,
+        "WITH_PREFETCH": surfaces >= PLENTY,
         "WITH_INSIDE": inside or (bounces and world.bounces.glass) or full,
         "WITH_POINTS": full or bool(are_at_points(kinds(world.lights)).any()),
         "WITH_PARALLEL_RAYS": camera.parallel,
@@ -77,7 +77,7 @@ def features(world: ScenePacking, camera: AnyCamera, inside: bool, request: Requ
 
 def choices(world: ScenePacking, camera: AnyCamera, request: Request) -> dict[str, Any]:
     """The kernel's arguments that turn parts of a program on and off. Flags for these would make many programs."""
-    shading, surfaces, full = request.needs_colors, len(world.id), "features" in request.keep
+    shading, full = request.needs_colors, "features" in request.keep
     textures = len(world.textures["texture"]) if shading else 0
     splits = world.bounces.splits
     pays = world.bounces.shrinks and world.bounces.fades(camera.max_bounces)
@@ -88,7 +88,6 @@ def choices(world: ScenePacking, camera: AnyCamera, request: Request) -> dict[st
         "shown": not {"normal", "uv"}.isdisjoint(request.outputs),
         "mapped": textures > 0 or "uv" in request.outputs,
         "textures": textures,
-        "plenty": surfaces >= PLENTY,
         "faint": found["faint"] if drops else -1.0,
         "prove": drops and "color" in request.outputs,
         "centres": not {"rgb8", "color", "error", "coverage"}.issuperset(request.outputs),

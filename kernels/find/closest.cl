@@ -4,7 +4,7 @@
 /* Surfaces are fetched before they are asked. With many of them, what is read of neighbours in a list is
  * far apart in memory, and most of the time went into waiting for it.
  */
-#define FETCHES (CAN_FETCH && EXTRA(scene, plenty))
+#define FETCHES (HAS(WITH_PREFETCH) && CAN_FETCH)
 
 /* Fetches what an entry of a list will ask for. light: whose list it is, -1: of the eye. */
 static void fetch_entry(const Scene *scene, const int light, const int k) {

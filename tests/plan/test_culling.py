@@ -132,7 +132,7 @@ def test_what_very_many_spheres_get_is_the_same_picture(device: Device, monkeypa
                     patch.setattr(module, "MANY", 1)
                 patch.setattr(grids, "SPARE", -3 * len(scene.spheres))
                 drawn = renderer(scene, device, precision)
-                assert drawn.plan.values["plenty"]
+                assert "WITH_PREFETCH" in drawn.plan.features
                 assert (drawn.plan.arrays["grid"]["cells"][:, 3] > 1).any()
                 image = drawn.render()
             assert_same(image, want, OUTPUTS, (number, precision))
@@ -153,7 +153,7 @@ def test_shadows_of_spheres_much_smaller_than_their_distance(device: Device, mon
         with monkeypatch.context() as patch:
             patch.setattr(plan, "PLENTY", 1)
             fetched = renderer(scene, device, "accurate", width=1)  # where each ray decides for itself
-            assert fetched.plan.values["plenty"]
+            assert "WITH_PREFETCH" in fetched.plan.features
             image = fetched.render()
             work, kept = fetched.work(), renderer(scene, device, "accurate", keep=("filter",)).work()
         what = "spheres that are decided in full for a ray"

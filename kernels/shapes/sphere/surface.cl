@@ -61,7 +61,7 @@ static REAL_MASK ellipsoid_stops(const Geometry geometry, const Start P, const S
 /* Spheres and ellipsoids between a point and a light. */
 
 /* Where small_sphere_may_meet() is asked, too. */
-#define SMALL_SPHERES (EXTRA(scene, plenty) && REAL_BYTES == 8 && !HAS(WITH_ELLIPSOIDS))
+#define SMALL_SPHERES (HAS(WITH_PREFETCH) && REAL_BYTES == 8 && !HAS(WITH_ELLIPSOIDS))
 
 /* Whether the float32 filter leaves it open, for any lane of `may`, that the sphere stops the ray.
  *
