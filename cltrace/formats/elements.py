@@ -24,8 +24,15 @@ from cltrace.formats.schema import ELEMENTS, MEANT, Element, rotations
 CHUNK = 2**17  # bytes that are parsed at once
 SPHERE_END = b"</sphere>"
 LAST_LINE = 65_535  # libxml2 keeps the line of an element in 16 bits; this one means "here or later"
-# By default the parser also loads no document types, uses no network and keeps the limits of libxml2.
-PARSER_OPTIONS: Mapping[str, Any] = {"resolve_entities": False, "remove_comments": True, "remove_pis": True}
+# What keeps strangers' files harmless is said here, even where it is what lxml does by itself.
+PARSER_OPTIONS: Mapping[str, Any] = {
+    "resolve_entities": False,
+    "no_network": True,
+    "load_dtd": False,
+    "huge_tree": False,
+    "remove_comments": True,
+    "remove_pis": True,
+}
 
 
 class ElementReader(ABC):

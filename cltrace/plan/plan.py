@@ -39,15 +39,16 @@ FOREST = 32
 KEPT = frozenset(("unstopped", "lists", "filter"))
 
 
-def features(world: ScenePacking, camera: AnyCamera, inside: bool, request: Request) -> frozenset[str]:
-    """The names of the flags that are set. inside: whether the eye is inside of a surface or on it."""
+def features(world: ScenePacking, view: CameraView, request: Request, passes: bool) -> frozenset[str]:
+    """The names of the flags that are set. passes: of Plan."""
+    camera, inside = view.camera, view.inside
     surfaces, full, keep = len(world.id), "features" in request.keep, request.keep
     bounces = request.needs_colors and world.bounces.any and surfaces > 0
     flags = {"WITH_SPHERES": not surfaces}  # without any, the kernel knows the first shape alone
     flags |= {flag: True for shape in world.shapes for flag in shape.flags}
     flags |= {
         "WITH_FILTER": "filter" not in keep,
-        "WITH_EXTRAS": request.outputs != ("rgb8",) or full,
+        "WITH_EXTRAS": request.outputs != ("rgb8",) or passes or full,
         "WITH_PREFETCH": surfaces >= PLENTY,
         "WITH_INSIDE": inside or (bounces and world.bounces.glass) or full,
         "WITH_POINTS": full or bool(are_at_points(kinds(world.lights)).any()),
@@ -157,13 +158,12 @@ class Plan:
 
         request: the one that world and view were made for, or the same with other outputs.
         """
-        camera, flags = view.camera, features(world, view.camera, view.inside, request)
-        n = request.samples or 1
+        camera, n = view.camera, request.samples or 1
         means = {"lattice": (n.bit_length() - 1, LATTICES[n]), "scatter": SCATTER[n]}
         values = view.values | means | choices(world, camera, request) | _frame(world, view, request)
         lit, passes = len(world.lights) if values["shading"] else 0, values["lights"] < len(world.lights)
+        flags = features(world, view, request, passes)
         bounded = request.precision != "single" and KEPT.isdisjoint(request.keep) and not world.clipping
-        flags = flags - {"WITH_TEXTURES"} | {"WITH_EXTRAS", "WITH_POINTS"} if passes else flags
         at_points = bool(are_at_points(kinds(world.lights)).any())
         return cls(
             request=request,
